@@ -3,14 +3,17 @@ and says why."""
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from linkwork import Robot, robots
 from linkwork.mechanism import Body, Frame, Inertia, Limits, Mechanism, SphericalJoint, Tool
 from linkwork.viewer.bounds import bounds_of
 from linkwork.viewer.fixtures import fixtures_of
 from linkwork.viewer.pursuit import Pursuit, listed
+from linkwork.viewer.session import Session
 
 from tests.oracle.scaling import Scale
+from tests.robot.mixed_freedoms import scara, three_legs
 
 
 @pytest.fixture(scope="module")
@@ -60,12 +63,44 @@ def test_the_way_to_a_pose_is_the_same_in_micrometres_and_in_megametres(pursuits
         assert robot.closure_error(found.state) < 1e-9
 
 
+def test_robots_of_mixed_freedoms_are_dragged_in_their_task():
+    """A 3-RRS rises and tilts and heeds no sideways pull; a SCARA arm shifts and turns upright."""
+    legs, turn = Robot(three_legs("RRS")), Rotation.from_rotvec([0.1, -0.05, 0.0])
+    pursuit = Pursuit(legs, fixtures_of(legs).size)
+    position, R = tool(pursuit, legs.home)
+    goal = pursuit.tool_goal(np.add(position, (0.1, -0.2, 0.03)), turn.as_matrix() @ R)
+    reached = pursuit.lead(legs.home, goal)
+    assert reached.arrived
+    assert legs.task_values(reached.state) == pytest.approx(
+        [position[2] + 0.03, 0.1, -0.05], abs=1e-7
+    )
+    arm = Robot(scara())
+    pursuit, values = Pursuit(arm, fixtures_of(arm).size), arm.task_values(arm.home)
+    position, R = tool(pursuit, arm.home)
+    goal = pursuit.tool_goal(
+        np.add(position, (-0.05, 0.02, 0.1)), Rotation.from_rotvec([0, 0, 0.4]).as_matrix() @ R
+    )
+    reached = pursuit.lead(arm.home, goal)
+    assert reached.arrived
+    assert arm.task_values(reached.state) == pytest.approx(
+        np.add(values, [-0.05, 0.02, 0.1, 0.4]), abs=1e-7
+    )
+
+
+def test_the_handle_of_a_relative_tool_is_where_the_tool_is():
+    mechanism = scara()
+    fields = {name: getattr(mechanism, name) for name in type(mechanism).model_fields}
+    own = Tool(body="hand", relative_to="upper")
+    session = Session(Robot(Mechanism(**(fields | {"tools": {"hand": own}}))))
+    plain = Session(Robot(mechanism))
+    for seen, expected in zip(session.view().tool, plain.view().tool, strict=True):
+        assert seen == pytest.approx(expected, abs=1e-12)
+
+
 def test_a_hexapod_is_led_in_all_six_freedoms(pursuits):
     pursuit = pursuits["stewart"]
     robot = pursuit.robot
     pose = np.array([0.2, -0.1, 2.3, 0.1, -0.2, 0.15])
-    from scipy.spatial.transform import Rotation
-
     reached = pursuit.lead(
         robot.home, pursuit.tool_goal(pose[:3], Rotation.from_rotvec(pose[3:]).as_matrix())
     )

@@ -14,6 +14,8 @@ from typing import Protocol
 import numpy as np
 
 from linkwork.equations.algebra import wrapped
+from linkwork.mechanism.task import is_length
+from linkwork.model.asked import ToolAsked
 
 Outputs = Mapping[str, np.ndarray]
 
@@ -44,6 +46,7 @@ class ToolGoal:
     ground's axes.
 
     length: what a turn of 1 rad counts as [m]; planar: whether only x, y and the angle count
+    task: the task coordinates that count alone, where the tool is led in other ones
     """
 
     position: np.ndarray
@@ -51,11 +54,14 @@ class ToolGoal:
     length: float
     turns: bool
     planar: bool
+    task: ToolAsked | None = None
     strict: bool = False
 
     def rows(self, out: Outputs) -> tuple[np.ndarray, np.ndarray]:
         """Return e = (p - p_0, l * rotation vector of R R_0') and the tool's Jacobian, turns times
-        l."""
+        l; in a task e = x - x_0 and its Jacobian, likewise."""
+        if self.task is not None:
+            return self._task_rows(self.task, out)
         J, axes = out["J_tool"], (2 if self.planar else 3)
         error, rows = [(out["position"] - self.position)[:axes]], [J[3 : 3 + axes]]
         if self.turns:
@@ -69,7 +75,19 @@ class ToolGoal:
         R = out["orientation"].reshape(3, 3)
         way = part * rotation_vector(self.orientation @ R.T)
         position = out["position"] + part * (self.position - out["position"])
-        return ToolGoal(position, rotation_matrix(way) @ R, self.length, self.turns, self.planar)
+        there = position, rotation_matrix(way) @ R
+        return ToolGoal(*there, self.length, self.turns, self.planar, self.task)
+
+    def _task_rows(self, task: ToolAsked, out: Outputs) -> tuple[np.ndarray, np.ndarray]:
+        wanted = {
+            "position": self.position[None],
+            "orientation": self.orientation.reshape(1, 9),
+            "angle": np.zeros((1, 1)),
+        }
+        here = {name: out[name][None] for name in ("position", "orientation", "angle", "J_tool")}
+        scale = np.array([1.0 if is_length(item) else self.length for item in task.held])
+        error = task.error(here, task.values(wanted))[0]
+        return scale * error, scale[:, None] * task.jacobian(here)[0]
 
 
 @dataclass(frozen=True, eq=False)

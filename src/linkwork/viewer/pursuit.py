@@ -19,8 +19,11 @@ from functools import cached_property
 import numpy as np
 
 from linkwork.equations.reference import unit
+from linkwork.model.asked import ToolAsked
 from linkwork.model.assembly import Assembler
 from linkwork.model.closing import settled_alone
+from linkwork.model.labels import POSES
+from linkwork.model.task import freedoms, task_if_any
 from linkwork.robot import Robot, State
 from linkwork.viewer.bounds import Bound, bounds_of
 from linkwork.viewer.hand_goals import HandGoal, JointGoal, Outputs, ToolGoal
@@ -79,9 +82,22 @@ class Pursuit:
     # Goals
 
     def tool_goal(self, position: np.ndarray, orientation: np.ndarray) -> ToolGoal:
-        """Want the tool at a position (3) [m] in an orientation (3, 3), as far as its freedoms
-        go."""
-        return ToolGoal(position, orientation, self.length, self.turns, self.robot.planar)
+        """Want the tool at a position (3) [m] in an orientation (3, 3), as far as its freedoms go,
+        in its task where that is neither the pose nor a whole part of it."""
+        given = self.length, self.turns, self.robot.planar, self.task
+        return ToolGoal(position, orientation, *given)
+
+    @cached_property
+    def task(self) -> ToolAsked | None:
+        """Return the task of a spatial tool of mixed freedoms, if it has rates at home."""
+        robot = self.robot
+        found = None if robot.planar else task_if_any(robot, near=False)
+        if found is None or found in (POSES[False], POSES[False][:3], POSES[False][3:]):
+            return None
+        asked = ToolAsked(found, robot.equations.tree.length, robot.planar)
+        out = {name: part[None] for name, part in self.assembler.still(robot.home.q).items()}
+        regular = len(found) == freedoms(robot) and np.isfinite(asked.jacobian(out)).all()
+        return asked if regular and asked.rotation is None else None
 
     def joint_goal(self, targets: dict[str, float]) -> JointGoal:
         """Want joint coordinates, by name [m, rad]."""

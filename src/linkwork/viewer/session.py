@@ -14,6 +14,7 @@ import numpy as np
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
+from linkwork.mechanism import GROUND
 from linkwork.model.dexterity import conditioning
 from linkwork.robot import Robot, State
 from linkwork.simulation import Run
@@ -118,9 +119,10 @@ class Session:
     # Wishes
 
     def drag(self, position: np.ndarray, orientation: np.ndarray) -> None:
-        """Want the tool at a position (3) [m] in an orientation (3, 3)."""
+        """Want the tool at a position (3) [m] in an orientation (3, 3), in the ground's axes."""
         self.pose_by_hand()
-        self.goal = self.pursuit.tool_goal(position, orientation)
+        p, R = self.base()
+        self.goal = self.pursuit.tool_goal(R.T @ (position - p), R.T @ orientation)
 
     def slide(self, name: str, value: float) -> None:
         """Want one actuated coordinate [m, rad] at a value, the others where they are."""
@@ -218,8 +220,11 @@ class Session:
         """Return what is to be seen now."""
         robot, state = self.robot, self.state
         out = self.pursuit.assembler.still(state.q)
+        p, R = self.base()
         tool = (
-            (out["position"], out["orientation"].reshape(3, 3)) if robot.mechanism.tools else None
+            (p + R @ out["position"], R @ out["orientation"].reshape(3, 3))
+            if robot.mechanism.tools
+            else None
         )
         u = self.forces()
         return View(
@@ -233,6 +238,13 @@ class Session:
             time=self.player.time if self.following else None,
             notice=self.notice,
         )
+
+    def base(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return p_0B (3) [m] and R_0B (3, 3) of what the tool's pose is relative to."""
+        tool = next(iter(self.robot.mechanism.tools.values()), None)
+        if tool is None or tool.relative_to == GROUND:
+            return np.zeros(3), np.eye(3)
+        return self.robot.body_poses(self.state)[tool.relative_to]
 
     def forces(self) -> np.ndarray | None:
         """Return the actuators' forces [N, N m]: those of the run, or those that hold the pose;
