@@ -119,3 +119,36 @@ def test_a_run_that_was_written_and_read_again_is_drawn_alike(run, tmp_path):
     again = lw.Run.load(tmp_path / "run.nc")
     assert isinstance(again.dataset, xarray.Dataset)
     assert svg(plot_run(again)) == svg(plot_run(run))
+
+
+def resting(scale=1.0):
+    """Return the dataset of a pendulum that hangs still but for rounding, from a start of its own
+    size."""
+    noise = 1e-16 * np.random.default_rng(3).standard_normal((50, 1))
+    time = np.linspace(0.0, 2.0, 50)
+    axes = {"coordinate": ["slide"], "rate": ["slide"]}
+    kind = {"unit_of_each": "m"}
+    data = xarray.Dataset(
+        {
+            "joint_position": (("time", "coordinate"), scale * (0.15951 + noise), {"units": "m"}),
+            "joint_rate": (("time", "rate"), scale * noise, {"units": "m/s"}),
+        },
+        {"time": time, **axes},
+    )
+    data["coordinate"].attrs, data["rate"].attrs = kind, {"unit_of_each": "m/s"}
+    return data
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-9, 1e6])
+def test_rounding_is_no_motion(scale):
+    """Joints at rest are seen at rest, whatever the size of the robot; a motion that is 1e-8 of it
+    is seen."""
+    data = resting(scale)
+    position, rate = plot_run(data, ["joint_position", "joint_rate"]).axes
+    for axes, middle, size in ((position, 0.15951, 0.15951), (rate, 0.0, 0.15951 / 2)):
+        low, high = axes.get_ylim()
+        assert (low + high) / 2 == pytest.approx(scale * middle, abs=1e-12 * scale)
+        assert high - low == pytest.approx(0.1 * size * scale, rel=1e-6)
+    data["joint_rate"].values[:, 0] = 1e-9 * scale * np.sin(data["time"].values)
+    (rate,) = plot_run(data, ["joint_rate"]).axes
+    assert np.ptp(rate.get_ylim()) == pytest.approx(1.1e-9 * scale, rel=0.1)

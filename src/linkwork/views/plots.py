@@ -23,17 +23,24 @@ USUAL = ("tool_pose", "joint_position", "joint_rate", "actuator_force")
 WIDTH, HEIGHT = 7.2, 2.1  # of a panel and its legend [in]
 CURVES, DASH, LETTER = 5.6, 0.5, 0.068  # widths of what a panel and its legend are made of [in]
 LEGEND_ROWS = 9
+NOISE = 1e-11  # change of a quantity that is rounding, relative to its scale
+PER = {"": 0, "s": 1, "s^2": 2}  # powers of time in rates and accelerations
+MARGIN = 0.05  # about curves at rest, relative to their scale
 ONE = "o"  # marker of a single sample, which has no line
 
 
 @dataclass(frozen=True)
 class Panel:
-    """Hold curves (K, c) of one quantity in one unit, each with its name."""
+    """Hold curves (K, c) of one quantity in one unit, each with its name.
+
+    scale: what would be much of the quantity; 0 where that is not known
+    """
 
     quantity: str
     unit: str
     names: tuple[str, ...]
     values: np.ndarray
+    scale: float = 0.0
 
     @property
     def legend_columns(self) -> int:
@@ -44,6 +51,19 @@ class Panel:
     def width(self) -> float:
         """Return the width of curves and legend [in]."""
         return CURVES + self.legend_columns * (DASH + LETTER * max(map(len, self.names)))
+
+    @property
+    def resting(self) -> tuple[float, float] | None:
+        """Return the limits between which curves that change by rounding only are seen at rest;
+        None of others."""
+        values = self.values[np.isfinite(self.values)]
+        if not len(values):
+            return None
+        size = max(self.scale, float(abs(values).max()))
+        if np.ptp(values) > NOISE * size:
+            return None
+        middle, half = (values.min() + values.max()) / 2, MARGIN * (size or 1.0)
+        return middle - half, middle + half
 
 
 def plot_run(run: Run | xarray.Dataset, quantities: str | Sequence[str] | None = None) -> Figure:
@@ -102,6 +122,8 @@ def draw(axes, time: np.ndarray, panel: Panel) -> None:
     marker = "" if len(time) > 1 else ONE
     for index, name in enumerate(panel.names):
         axes.plot(time, panel.values[:, index], marker=marker, label=name or None, **look(index))
+    if panel.resting is not None:
+        axes.set_ylim(*panel.resting)
     axes.set_ylabel(f"{panel.quantity.replace('_', ' ')}\n[{panel.unit}]")
     if panel.names != ("",):
         place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.03), "borderaxespad": 0}
@@ -112,13 +134,41 @@ def panels(dataset: xarray.Dataset, name: str) -> Iterator[Panel]:
     """Divide a quantity over time by the units of its components."""
     array = dataset[name].transpose(TIME, ...)
     if array.ndim == 1:
-        yield Panel(name, units_of(dataset, name, ("",))[0], ("",), array.values[:, None])
+        unit = units_of(dataset, name, ("",))[0]
+        yield Panel(name, unit, ("",), array.values[:, None], scale_of(dataset, unit))
         return
-    labels = [str(label) for label in array[array.dims[1]].values]
+    labels = labels_of(dataset, name)
     units = units_of(dataset, name, labels)
     for unit in dict.fromkeys(units):
         columns = [index for index, found in enumerate(units) if found == unit]
-        yield Panel(name, unit, tuple(labels[index] for index in columns), array.values[:, columns])
+        names, scale = tuple(labels[index] for index in columns), scale_of(dataset, unit)
+        yield Panel(name, unit, names, array.values[:, columns], scale)
+
+
+def scale_of(dataset: xarray.Dataset, unit: str) -> float:
+    """Return what would be much in a unit of lengths or angles, their rates or accelerations: the
+    greatest length of the run's joints and tool, or a radian, over the run's duration; 0 in other
+    units."""
+    length, _, per = unit.partition("/")
+    duration = float(np.ptp(dataset[TIME].values)) if dataset.sizes[TIME] else 0.0
+    if length not in ("m", "rad") or per not in PER or (per and not duration > 0):
+        return 0.0
+    lengths = (
+        np.abs(values[:, column])
+        for name in ("joint_position", "tool_pose")
+        if length == "m" and name in dataset and dataset[name].ndim == 2
+        for values in [dataset[name].transpose(TIME, ...).values]
+        for column, own in enumerate(units_of(dataset, name, labels_of(dataset, name)))
+        if own == "m"
+    )
+    finite = (own[np.isfinite(own)].max(initial=0.0) for own in lengths)
+    return (1.0 if length == "rad" else float(max(finite, default=0.0))) / duration ** PER[per]
+
+
+def labels_of(dataset: xarray.Dataset, name: str) -> list[str]:
+    """Return the names of the components of a quantity over time."""
+    array = dataset[name].transpose(TIME, ...)
+    return [str(label) for label in array[array.dims[1]].values]
 
 
 def units_of(dataset: xarray.Dataset, name: str, labels: Sequence[str]) -> list[str]:
