@@ -200,3 +200,18 @@ def test_welded_bodies_move_as_one():
         oracle.forward_dynamics(q, v, u),
         1e-12,
     )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_each_branch_is_the_first_joint_of_fewest_freedoms_on_the_rim(seed):
+    """Prim's rule, by looking through all joints each time, where none is driven or needed."""
+    mechanism = random_loops(seed, 3, planar=True).model_copy(update={"actuators": ()})
+    topology, depth = span(mechanism), {"ground": 0}
+    for branch in topology.branches:
+        rim = [
+            (len(joint.rates(name)), min(depth[end] for end in joint.connects if end in depth), k)
+            for k, (name, joint) in enumerate(mechanism.pairs.items())
+            if sum(end in depth for end in joint.connects) == 1
+        ]
+        assert list(mechanism.pairs)[min(rim)[2]] == branch.joint
+        depth[branch.body] = depth[branch.parent] + 1

@@ -11,7 +11,7 @@ zero.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import overload
 
 import casadi as ca
@@ -27,6 +27,19 @@ ROUNDING = 1e-15
 def symbol(path: str) -> ca.SX:
     """Return the symbol of a free number of the description."""
     return SX.sym(path)
+
+
+def constant(values: Vector) -> ca.SX:
+    """Return constant numbers as an expression, not to be changed in place; the same ones are made
+    once, for CasADi takes its time over that."""
+    if isinstance(values, SX):
+        return values
+    return _constant(values.shape, np.ascontiguousarray(values, float).tobytes())
+
+
+@lru_cache(maxsize=4096)
+def _constant(shape: tuple[int, ...], values: bytes) -> ca.SX:
+    return SX(np.frombuffer(values).reshape(shape))
 
 
 def vector(numbers: Sequence[Number]) -> Vector:
@@ -91,7 +104,7 @@ def skew(v: np.ndarray) -> np.ndarray:
 
 
 def zero() -> ca.SX:
-    return SX(np.zeros(3))
+    return SX.zeros(3)
 
 
 def wrapped(angle: np.ndarray) -> np.ndarray:

@@ -102,7 +102,7 @@ def entries(Phi: ca.SX) -> Entries:
 
 def choose_chart(
     Phi: ca.SX,
-    samples: Sequence[np.ndarray],
+    samples: Sequence[np.ndarray] | np.ndarray,
     rows: tuple[int, ...],
     independent: tuple[int, ...],
     units: tuple[np.ndarray, np.ndarray] | None = None,
@@ -111,14 +111,14 @@ def choose_chart(
 
     Args:
         Phi: constraint Jacobian as an expression (all rows x nv).
-        samples: its values at closed configurations, the reference configuration first, in the
-            mechanism's own units.
+        samples: its values at closed configurations (samples x all rows x nv), the reference
+            configuration first, in the mechanism's own units.
         rows: the kept rows, as many as there are dependent rates.
         independent: indices of the independent rates.
         units: those of the rows and of the rates; 1 if left out.
     """
     ((_, stages, determinants),) = choose_orders(
-        constancy(Phi), np.array(samples)[None], rows, independent
+        constancy(Phi), np.asarray(samples)[None], rows, independent
     )
     units = (np.ones(Phi.shape[0]), np.ones(Phi.shape[1])) if units is None else units
     scales = determinants[0] * [unit_of(block, units) for stage in stages for block in stage]

@@ -28,6 +28,7 @@ from linkwork.equations.algebra import (
     SX,
     Number,
     Vector,
+    constant,
     cross,
     dot,
     rotation_matrix,
@@ -236,12 +237,12 @@ def turning_alike(tree: Tree, cut: Cut) -> dict[int, tuple[np.ndarray, ca.SX]]:
     the latter.
     """
     this, found = cut.this.node, {}
-    d, near_r = SX(cut.this.arm), zero()
+    d, near_r = constant(cut.this.arm), zero()
     for node in reversed(tree.path(this)):
         if not node.R.turns_with(this.R):
             break
         C = snap(this.R.right.T @ node.R.right)
-        d = d + ca.mtimes(SX(C), near_r)
+        d = d + ca.mtimes(constant(C), near_r)
         found[node.index] = C, d
         near_r = node.near_r
     return found
@@ -257,10 +258,10 @@ def near_effect(cut: Cut, row: Row, column: Column, node: Node, C: np.ndarray, d
     """Return `effect` in the frame of this side's body, where the row's directions and the column
     are constant."""
     R_F = cut.this.R_F
-    z, s = (SX(snap(C @ part)) for part in (column.local_z, column.local_s))
+    z, s = (constant(snap(C @ part)) for part in (column.local_z, column.local_s))
     if row.f is not None:
-        return dot(SX(snap(R_F @ row.moment)), z) if node.turns else SX(0)
-    e = SX(snap(R_F @ row.e))
+        return dot(constant(snap(R_F @ row.moment)), z) if node.turns else SX(0)
+    e = constant(snap(R_F @ row.e))
     return (dot(e, cross(z, d)) if node.turns else SX(0)) + (dot(e, s) if node.slides else SX(0))
 
 
@@ -280,8 +281,10 @@ def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
     side's axes.
     """
     # Rates, angular velocities and accelerations on this loop alone, at w' = 0.
-    free = {column.rate for _, column, *_ in reaches(tree, cut)}
-    rates = rates * SX(np.isin(np.arange(rates.numel()), list(free)).astype(float))
+    free = sorted({column.rate for _, column, *_ in reaches(tree, cut)})
+    own = SX.zeros(rates.numel())
+    own[free] = rates[free]
+    rates = own
     this, that = cut.this, cut.that
     inward = {node.index for side in cut.sides for node in tree.path(side.node)}
     nodes = [tree.nodes[index] for index in sorted(inward)]
@@ -320,7 +323,8 @@ def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
                 ca.mtimes(to_body, omega[i]), arm
             )
             result.append(
-                dot(in_axes(this.R, row.e), a_that - a[i]) - dot(SX(snap(this.R_F @ row.e)), local)
+                dot(in_axes(this.R, row.e), a_that - a[i])
+                - dot(constant(snap(this.R_F @ row.e)), local)
             )
     return result
 

@@ -111,6 +111,8 @@ def derive(
     rows = closure_rows(freed, tree, cuts, joints, gears.units(mechanism, length), extents)
     every, begin = rows.names, partial(starts, mechanism, topology, tree, start)
     rows, configurations, samples, notes = closed_samples(joints, rows, start, begin)
+    stacked = np.array(samples)
+    samples = [*stacked]
     # Rows that depend on others are left out; what has no motion, or leaves its plane, is refused.
     kept = independent_rows(samples)
     redundant = tuple(name for name in every if name not in [rows.names[index] for index in kept])
@@ -123,7 +125,7 @@ def derive(
         if label in tree.rates
     ]
     chosen = choose_independent(samples[0][list(kept)], preferred)
-    chart = choose_chart(rows.Phi, samples, kept, chosen, (rows.units, tree.rate_units))
+    chart = choose_chart(rows.Phi, stacked, kept, chosen, (rows.units, tree.rate_units))
     # Sizes about the reference, which say what is small.
     turning, idle = spins.spins(joints, configurations, samples)
     columns, heights = sizes(samples)

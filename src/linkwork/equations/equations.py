@@ -12,7 +12,7 @@ where these are the independent ones. The accelerations of large open trees are 
 from __future__ import annotations
 
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
@@ -364,12 +364,12 @@ def sizes(samples: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     CAD (a ball on a hinge's axis)
     """
     columns = lengths(samples, 0)
-    return columns, lengths([Phi / columns for Phi in samples], 1)
+    return columns, lengths((Phi / columns for Phi in samples), 1)
 
 
-def lengths(samples: Sequence[np.ndarray], axis: int) -> np.ndarray:
+def lengths(samples: Iterable[np.ndarray], axis: int) -> np.ndarray:
     """Return the lengths of rows or columns for `sizes`."""
-    found = np.linalg.norm(samples, axis=axis + 1)
+    found = np.array([np.linalg.norm(Phi, axis=axis) for Phi in samples])
     largest = found.max(axis=0)
     there = largest > ROUNDING * largest.max(initial=0.0)
     return np.where(there, np.where(found[0] > VANISHING * largest, found[0], largest), 1.0)

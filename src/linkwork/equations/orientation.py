@@ -19,7 +19,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, skew, snap
+from linkwork.equations.algebra import SX, constant, skew, snap
 
 PARALLEL = 1e-12
 
@@ -81,8 +81,9 @@ class Orientation:
             return SX(self.right)
         along = snap(np.outer(self.axis, self.axis))
         s, c = ca.sin(self.angle), ca.cos(self.angle)
-        turn = SX(along) + c * SX(snap(np.eye(3) - along)) + s * SX(skew(self.axis))
-        return ca.densify(ca.mtimes(turn, SX(self.right)))
+        across, spin = constant(snap(np.eye(3) - along)), constant(skew(self.axis))
+        turn = constant(along) + c * across + s * spin
+        return ca.densify(ca.mtimes(turn, constant(self.right)))
 
     @cached_property
     def matrix(self) -> ca.SX:

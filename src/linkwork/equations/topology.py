@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from heapq import heappop, heappush
 from typing import Any
 
 from linkwork.equations.algebra import present
@@ -106,11 +107,12 @@ def span(mechanism: Mechanism) -> Topology:
     # Platforms float; then the best joint on the rim, or a float where there is none.
     for body in platforms(mechanism):
         hang(body)
-    fit = {name: joint for name, joint in waiting.items() if complete(joint)}
+    rim = Rim({name: joint for name, joint in waiting.items() if complete(joint)}, depth, cost)
     while len(depth) <= len(mechanism.bodies):
-        branch = entering(fit, depth, cost)
+        branch = rim.entering()
         if branch is None:
             hang(next(body for body in mechanism.bodies if body not in depth))
+            rim.widen(branches[-1].body)
         else:
             waiting.pop(branch.joint)
             branches.append(branch)
@@ -120,28 +122,47 @@ def span(mechanism: Mechanism) -> Topology:
     return Topology(tuple(branches), joints, waiting, tuple(added))
 
 
-def entering(
-    joints: Mapping[str, PairJoint], depth: dict[str, int], cost: Callable[[str, int], Any]
-) -> Branch | None:
-    """Let the cheapest joint between a body of the tree and another one enter (Prim), if there is
-    one.
+class Rim:
+    """Hold the joints between a body of the tree and another one, the cheapest first (Prim).
 
-    depth: of the bodies in the tree; the new one is added
-    cost: of a joint, by its name and the depth of the body that it would hang on
+    joints: that may enter; depth: of the bodies in the tree, to which those that enter are added
+    cost: of a joint, by its name and the depth of the body that it would hang on; no two are equal
     """
-    rim = {}
-    for name, joint in joints.items():
-        inner = [body for body in joint.connects if body in depth]
-        if len(inner) == 1:
-            rim[name] = cost(name, depth[inner[0]])
-    if not rim:
+
+    def __init__(
+        self,
+        joints: Mapping[str, PairJoint],
+        depth: dict[str, int],
+        cost: Callable[[str, int], tuple[Any, ...]],
+    ):
+        self.joints, self.depth, self.cost = joints, depth, cost
+        self.of_bodies: dict[str, list[str]] = {}
+        for name, joint in joints.items():
+            for body in joint.connects:
+                self.of_bodies.setdefault(body, []).append(name)
+        self.heap: list[tuple[tuple[Any, ...], str]] = []
+        for body in depth:
+            self.widen(body)
+
+    def widen(self, body: str) -> None:
+        """Take up the joints that lead outward from a body of the tree."""
+        for name in self.of_bodies.get(body, ()):
+            if not all(end in self.depth for end in self.joints[name].connects):
+                heappush(self.heap, (self.cost(name, self.depth[body]), name))
+
+    def entering(self) -> Branch | None:
+        """Let the cheapest joint enter, if there is one, and the body that it leads to."""
+        while self.heap:
+            _, name = heappop(self.heap)
+            first, second = self.joints[name].connects
+            if first in self.depth and second in self.depth:
+                continue
+            backwards = second in self.depth
+            parent, body = (second, first) if backwards else (first, second)
+            self.depth[body] = self.depth[parent] + 1
+            self.widen(body)
+            return Branch(name, parent, body, backwards)
         return None
-    name = min(rim, key=lambda name: rim[name])
-    first, second = joints[name].connects
-    backwards = second in depth
-    parent, body = (second, first) if backwards else (first, second)
-    depth[body] = depth[parent] + 1
-    return Branch(name, parent, body, backwards)
 
 
 def counting(mechanism: Mechanism) -> set[str]:

@@ -31,6 +31,7 @@ import numpy as np
 from linkwork.equations.algebra import (
     SX,
     Vector,
+    constant,
     cross,
     present,
     quaternion_map,
@@ -407,8 +408,12 @@ def branch_nodes(
         after = own if last else np.eye(3)
         coordinate = tree.q[list(places)]
         R = moved(parent.R.then_constant(turned), motion, coordinate, branch.reversed)
-        slide = SX(snap(turned @ motion.slide)) * coordinate if motion and motion.slides else zero()
-        near_r = SX(arm) + slide
+        slide = (
+            constant(snap(turned @ motion.slide)) * coordinate
+            if motion and motion.slides
+            else zero()
+        )
+        near_r = constant(arm) + slide
         r = ca.mtimes(parent.R.near, near_r)
         column_axes = parent.axes if motion and motion.ball and not branch.reversed else R.axes
         parent = Node(
@@ -489,7 +494,7 @@ def columns(
 def in_axes(R: Orientation, local: Vector) -> ca.SX:
     """Return a constant local vector in the orientation's axes."""
     local = snap(local)
-    return ca.mtimes(R.near, SX(local)) if present(local) else zero()
+    return ca.mtimes(R.near, constant(local)) if present(local) else zero()
 
 
 def in_base(R: Orientation, local: Vector) -> ca.SX:

@@ -25,7 +25,7 @@ import numpy as np
 
 from linkwork.equations import mobility
 from linkwork.equations.joints import held_length
-from linkwork.equations.topology import entering
+from linkwork.equations.topology import Rim
 from linkwork.mechanism import GROUND, Mechanism
 
 DEPENDENT = 1e-9  # singular values below this part of the largest count as zero
@@ -81,13 +81,14 @@ class Network:
             index for index, joint in enumerate(joints) if held_length(joint) is not None
         )
         # Prim's rule: few freedoms first, then near to ground.
-        depth, branches = {GROUND: 0}, []
+        branches = []
         index = {name: k for k, name in enumerate(described)}
 
         def cost(name: str, near: int) -> tuple[int, int, int]:
             return (freedoms[index[name]], near, index[name])
 
-        while (found := entering(described, depth, cost)) is not None:
+        rim = Rim(described, {GROUND: 0}, cost)
+        while (found := rim.entering()) is not None:
             ends = place[found.body], place[found.parent]
             branches.append(TreeJoint(index[found.joint], *ends, not found.reversed))
         # The others close loops; gears hold rates, G w = 0.

@@ -25,7 +25,7 @@ from typing import Literal
 import numpy as np
 
 from linkwork.equations.joints import complete, held_length, motions_of, pattern, rows_of
-from linkwork.equations.topology import entering
+from linkwork.equations.topology import Rim
 from linkwork.formats import poses
 from linkwork.formats.mjcf.tree import Kind, plane_normal
 from linkwork.mechanism import (
@@ -241,8 +241,9 @@ class _Planner:
         order = {name: number for number, name in enumerate(pairs)}
         fit = {name: joint for name, joint in pairs.items() if ranks[name] is not None}
         # By rank, near to ground first; where only rods lead on, a free joint.
+        rim = Rim(fit, depth, lambda name, near: (ranks[name], near, order[name]))
         while len(depth) <= len(self.mechanism.bodies):
-            branch = entering(fit, depth, lambda name, near: (ranks[name], near, order[name]))
+            branch = rim.entering()
             if branch is not None:
                 tree[branch.joint] = branch.parent, branch.body
                 continue
@@ -253,6 +254,7 @@ class _Planner:
             )
             floating.append(name)
             tree[name], depth[body] = (GROUND, body), 1
+            rim.widen(body)
         return tree, floating
 
     def _needs_part(self, name: str, joint: PairJoint) -> bool:
