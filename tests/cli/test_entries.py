@@ -4,7 +4,7 @@ is refused."""
 import numpy as np
 import pytest
 
-from linkwork.cli.entries import by_name, numbers, read_columns
+from linkwork.cli.entries import by_name, numbers, of_tool, read_columns
 from linkwork.errors import LinkworkError
 
 NAMES = ("slide_1", "slide_2", "slide_3")
@@ -94,3 +94,11 @@ def test_files_that_cannot_be_read_are_refused(tmp_path):
     (tmp_path / "image.csv").write_bytes(b"\x89PNG\xff\xfe\x00")
     with pytest.raises(LinkworkError, match=r"image\.csv is not a CSV file"):
         read_columns(tmp_path / "image.csv", NAMES)
+
+
+def test_the_tool_is_given_by_numbers_or_by_name():
+    assert of_tool("0.5,-1", "--tool") == [0.5, -1.0]
+    assert of_tool("z = 0.5, rx=-1", "--tool") == {"z": 0.5, "rx": -1.0}
+    for wrong, told in (("z=1,2", "has no name"), ("z=1,z=2", "twice"), ("z=up", "not a number")):
+        with pytest.raises(LinkworkError, match=told):
+            of_tool(wrong, "--tool")

@@ -218,6 +218,16 @@ def test_the_jacobian_of_a_relative_pose_is_that_of_its_values():
     np.testing.assert_allclose(robot.task_accelerations(state, a, what), bend, atol=1e-7)
 
 
+def test_runs_tell_the_task_that_a_tool_states(arm):
+    robot = Robot(scara(task=("x", "z", TurnAbout(), DistanceTo())))
+    run = robot.simulate(robot.home, duration=0.1, save_at=[0.0, 0.05, 0.1])
+    told = run.dataset["task_position"]
+    assert list(told["task"].values) == ["x", "z", "turn", "distance"]
+    states = robot.state(run.dataset["joint_position"].values)
+    np.testing.assert_allclose(told, robot.task_values(states), atol=1e-12)
+    assert "task_position" not in arm.simulate(arm.home, duration=0.1).dataset
+
+
 def refused(sentence, call, *given, **named):
     with pytest.raises(lw.LinkworkError) as error:
         call(*given, **named)

@@ -59,7 +59,8 @@ ToolPose = Annotated[
     typer.Option(
         "--tool",
         metavar="POSE",
-        help="The tool at 'x,y,angle' (in space 'x,y,z,rx,ry,rz'), m and rad.",
+        help="The tool at 'x,y,angle' (in space 'x,y,z,rx,ry,rz'), at the numbers of its task, or "
+        "by name, 'z=0.5,rx=0.1'; m and rad.",
     ),
 ]
 Joints = Annotated[

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from linkwork.cli.entries import by_name, numbers
+from linkwork.cli.entries import by_name, of_tool
 from linkwork.robot import Robot, State
 
 
@@ -29,7 +29,7 @@ class StartOptions:
         if self.joints is not None:
             state = robot.assemble(by_name(self.joints, robot.coordinates, "--joints"))
         if self.tool is not None:
-            state = robot.assemble(tool=numbers(self.tool, "--tool"), guess=state)
+            state = robot.assemble(tool=of_tool(self.tool, "--tool"), guess=state)
         if self.rates is not None:
             state = robot.state(state.positions, self.started(robot, self.rates))
         return state

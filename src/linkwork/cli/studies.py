@@ -11,7 +11,7 @@ import numpy as np
 
 from linkwork import analysis
 from linkwork.cli.catalogue import built, refuse_existing
-from linkwork.cli.entries import axes, by_name, number, numbers, ranges
+from linkwork.cli.entries import axes, by_name, number, of_tool, ranges
 from linkwork.cli.poses import (
     FEW,
     equilibrium_told,
@@ -90,7 +90,10 @@ def modes(
     robot = made(source)
     with patience("looking for all solutions"):
         if tool is not None:
-            found = analysis.working_modes(robot, numbers(tool, "--tool"), starts=starts, seed=seed)
+            given = of_tool(tool, "--tool")
+            what = tuple(given) if isinstance(given, dict) else None
+            values = list(given.values()) if isinstance(given, dict) else given
+            found = analysis.working_modes(robot, values, what=what, starts=starts, seed=seed)
         else:
             asked = None if joints is None else by_name(joints, robot.coordinates, "--joints")
             found = analysis.assembly_modes(robot, asked, starts=starts, seed=seed)

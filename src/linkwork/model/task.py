@@ -39,6 +39,12 @@ def first_tool(robot: Model) -> Tool:
     return next(iter(robot.mechanism.tools.values()))
 
 
+def stated(robot: Model) -> Task:
+    """Return the task that the description states of the first tool; none where it states none."""
+    tool = next(iter(robot.mechanism.tools.values()), None)
+    return (tool and tool.task) or ()
+
+
 def freedoms(robot: Model) -> int:
     """Return the number of freedoms besides spins of members about themselves."""
     return robot.mobility - len(robot.spins)
@@ -198,11 +204,13 @@ def asked_of(robot: Model, size: int, what: Sequence[str] | None = None) -> Tool
     return ToolAsked.of(size, length, robot.planar)
 
 
-def values(robot: Model, q: np.ndarray, task: Task) -> np.ndarray:
+def values(robot: Model, q: np.ndarray, task: Task, p: np.ndarray | None = None) -> np.ndarray:
     """Return the task coordinates (..., k) of configurations (..., nq), whole rotation vectors
-    included."""
+    included; p: free parameters, the robot's own if left out."""
     asked = ToolAsked(task, robot.equations.tree.length, robot.planar)
-    (pose,) = robot.chart.compiled("tool frame", tool_frame)(q.reshape(-1, q.shape[-1]), robot.p)
+    (pose,) = robot.chart.compiled("tool frame", tool_frame)(
+        q.reshape(-1, q.shape[-1]), robot.p if p is None else p
+    )
     parts = {"position": pose[:, :3], "orientation": pose[:, 3:12], "angle": pose[:, 12:]}
     found = asked.told(asked.mapped(parts)[0])
     return found.reshape(*q.shape[:-1], len(task))

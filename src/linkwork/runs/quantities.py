@@ -17,8 +17,11 @@ import numpy as np
 from linkwork.control.drives import Extra
 from linkwork.control.wrenches import Wrench
 from linkwork.mechanism.limits import touching
+from linkwork.mechanism.task import labels as labels_of
+from linkwork.mechanism.task import unit
 from linkwork.model.labels import POSES
 from linkwork.model.reactions import COMPONENTS
+from linkwork.model.task import stated
 from linkwork.runs.saved_states import SavedStates
 from linkwork.runs.system import System
 from linkwork.simulation import Variable
@@ -160,6 +163,14 @@ TABLE = (
         "tool_pose", ("pose",), "m, rad", lambda s: s.tool, "Pose of the tool.", still=True
     ),
     SavedQuantity(
+        "task_position",
+        ("task",),
+        "m, rad",
+        lambda s: s.task,
+        "Task coordinates of the tool.",
+        still=True,
+    ),
+    SavedQuantity(
         "tool_error", ("pose",), "m, rad", tool_error, places=STUDY, still=True, aimed=True
     ),
     SavedQuantity(
@@ -243,6 +254,7 @@ class Axis(NamedTuple):
 
 LACKING = {
     "pose": "the robot has no tool",
+    "task": "the tool states no task",
     "extra": "no drive has a state",
     "joint": "no joint is between two bodies",
     "spring": "no spring has a damper",
@@ -271,6 +283,7 @@ def axes_of(
         "joint": Axis(tuple(robot.mechanism.pairs)),
         "spring": Axis(resisted if damped else ()),
         "pose": Axis(POSES[robot.planar] if tools else ()),
+        "task": Axis(labels_of(stated(robot)), [unit(item) for item in stated(robot)]),
         "extra": Axis([extra.name for extra in extras], [extra.unit for extra in extras]),
         "wrench": Axis([f"{i}: {wrench.body}" for i, wrench in enumerate(wrenches)]),
         "wrench_component": Axis(COMPONENTS),

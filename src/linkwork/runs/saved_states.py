@@ -16,7 +16,7 @@ import numpy as np
 from linkwork.equations import Equations
 from linkwork.equations.powers import contacts, powers
 from linkwork.errors import LinkworkError
-from linkwork.model import dexterity
+from linkwork.model import dexterity, task
 from linkwork.model.charts import CompiledChart
 from linkwork.model.reactions import Samples, transmitted
 from linkwork.runs.system import System
@@ -157,6 +157,12 @@ class SavedStates:
     def tool(self) -> np.ndarray:
         """Poses of the first tool: (x, y, angle) (K, 3), or with rotation vectors (K, 6)."""
         return self.robot.tool_poses(self.q, self.p_robot)
+
+    @property
+    def task(self) -> np.ndarray:
+        """Coordinates of the task that the first tool states (K, k)."""
+        stated = task.stated(self.robot)
+        return task.values(self.robot, self.q, stated, self.p_robot)
 
     @property
     def conditioning(self) -> np.ndarray:
