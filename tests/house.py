@@ -36,6 +36,7 @@ WINGS = {
         "regressor",
     ),
     "masses of shapes": ("density",),
+    "stops, contact, sticking": ("contact", "elastic", "impact", "sticking", "surfaces"),
     "tool paths": ("following", "leading", "modes", "task", "tool_motion"),
 }
 """Modules of the core's packages that one needs for these only; they are counted apart."""
