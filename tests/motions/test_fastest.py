@@ -190,7 +190,7 @@ def test_a_mass_is_lifted_by_little_power():
         ),
         (
             lambda r: motions.fastest(r, WAYS["circle"], motions.ActuatorLimits(force=1), points=2),
-            "at least 3 points",
+            "the number of samples is 2; give 3 to",
         ),
         (
             lambda r: motions.fastest(

@@ -219,6 +219,17 @@ def test_joints_leave_their_range_only_where_that_is_allowed(robot):
             lambda: motions.point_to_point(POSES[0], POSES[1], motions.AxisLimits([1, 2])),
             "give one",
         ),
+        (
+            lambda: motions.point_to_point({"a": 0}, {"a": 1}, LIMITS, law=lambda d, **limits: 3),
+            "the law returns 3; give a function that returns a Profile",
+        ),
+        (
+            lambda: motions.through(
+                [{"a": 0, "b": 0}, {"a": 1, "b": 0}, {"a": 1, "b": 2}],
+                motions.AxisLimits({"b": 1}),
+            ),
+            "nothing limits the way from point 0",
+        ),
         (lambda: motions.through(POSES[:2], LIMITS), "2 points are given; give at least 3"),
         (lambda: motions.through([*POSES[:2], POSES[1]], LIMITS), "point 2 is point 1"),
         (lambda: motions.through(POSES, LIMITS, degree=4), "give 3 or 5"),
@@ -245,3 +256,10 @@ def test_refusals(call, said):
 def test_what_cannot_be_followed_is_refused(made, said, robot):
     with pytest.raises(LinkworkError, match=said):
         motions.follow(robot, made(robot))
+
+
+@pytest.mark.parametrize("count", [1, 10**9, 2.5, "x"])
+def test_numbers_of_samples_that_make_no_motion_are_refused(count, robot):
+    timed = motions.point_to_point(robot.home, ENDS[1], LIMITS)
+    with pytest.raises(LinkworkError, match="the number of samples"):
+        motions.follow(robot, timed, samples=count)

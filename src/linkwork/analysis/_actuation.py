@@ -368,7 +368,9 @@ class ActuationModel:
         return np.stack(columns, axis=-1)
 
     def _given(self, values: ArrayLike, what: str, side: Side) -> np.ndarray:
-        array = values if isinstance(values, np.ndarray) else checks.finite(values, what)
+        if not isinstance(values, np.ndarray) or values.dtype.kind != "f":
+            values = checks.finite(values, what)
+        array = values
         if array.shape[-1:] != (len(self.joints),):
             raise LinkworkError(
                 f"{what} have the shape {array.shape}; give {', '.join(self._named(side))} in the "

@@ -27,7 +27,7 @@ from linkwork.model.state import Motion, State
 from linkwork.motions._follow import follow
 from linkwork.motions.laws import Limit
 from linkwork.motions.reachability import Constraints, NoLawError, fastest_squares, law_of_squares
-from linkwork.motions.timed_paths import TimedPath
+from linkwork.motions.timed_paths import TimedPath, sample_count
 from linkwork.paths import Path, uniform
 from linkwork.robot import Robot
 
@@ -120,15 +120,15 @@ def fastest(
         raise LinkworkError(
             f"the limits are {checks.shown(limits)}; give motions.ActuatorLimits(force=...)"
         )
-    if checks.count(points, "the number of points") < 3:
-        raise LinkworkError("the grid of a path needs at least 3 points")
+    points = sample_count(points, least=3)
     timed = path if isinstance(path, TimedPath) else TimedPath(path, 1.0)
     if timed.corners:
         raise LinkworkError(
             f"the path has a corner at s = {timed.corners[0]:.4g}; give its smooth parts one by one"
         )
     shape = TimedPath(Path(timed.path.curve, uniform), 1.0, timed.names)
-    motion = follow(robot, shape, samples=int(points), guess=guess, keep_limits=False)
+    with checks.at("run through in 1 s, "):
+        motion = follow(robot, shape, samples=points, guess=guess, keep_limits=False)
     way = DrivenWay(robot, motion)
     x = settled(way, limits.of(robot.actuators))
     law = law_of_squares(motion.time, x)

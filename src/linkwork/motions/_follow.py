@@ -10,7 +10,7 @@ from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.model import limits
 from linkwork.model.state import Motion, State, with_positions
-from linkwork.motions.timed_paths import TimedPath
+from linkwork.motions.timed_paths import TimedPath, sample_count
 from linkwork.robot import Robot
 
 WORST = 1e8  # condition of the map from independent rates to those that are given
@@ -52,13 +52,12 @@ def follow(
         )
     if not isinstance(robot, Robot):
         raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
-    if checks.count(samples, "the number of samples") < 2:
-        raise LinkworkError("a motion needs at least 2 samples")
+    samples = sample_count(samples)
     require_points(robot, timed, guess)
     if timed.names:
-        motion = of_joints(robot, timed, int(samples), guess)
+        motion = of_joints(robot, timed, samples, guess)
     else:
-        motion = robot.follow(timed.path, timed.duration, samples=int(samples), guess=guess)
+        motion = robot.follow(timed.path, timed.duration, samples=samples, guess=guess)
     if keep_limits and (beyond := limits.passed(robot, motion.positions, motion.time)):
         raise LinkworkError(
             f"{beyond[0]}; move the points, or allow it by follow(..., keep_limits=False)"

@@ -19,9 +19,9 @@ import numpy as np
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
-from linkwork.motions.laws import KINDS, AxisLimits, MotionLaw, law_of
+from linkwork.motions.laws import AxisLimits, MotionLaw, law_of
 from linkwork.motions.profiles import Profile
-from linkwork.motions.timed_paths import TimedPath, limits_of
+from linkwork.motions.timed_paths import TimedPath, lawful, limits_of
 from linkwork.paths import Path, Triple, finite
 
 AXES = ("X", "Y", "Z")
@@ -164,10 +164,9 @@ def run_through(
         V, A, J = bounds
         if isfinite(A):
             V = min([V, *(sqrt(A / one.bend) for one in chain if one.bend > 0)])
-        given = dict(zip(KINDS, (min(V, chain[0].feed), A, J), strict=True))
         length = sum(one.length for one in chain)
         with checks.at(f"line {chain[0].number}: "):
-            part = law(length, **{k: bound for k, bound in given.items() if isfinite(bound)})
+            part = lawful(law, length, (min(V, chain[0].feed), A, J))
         moved = part.along(np.array([way]), np.ones(1))
         rows.append(moved.coefficients)
         knots.append(knots[-1][-1] + moved.knots[1:])

@@ -19,7 +19,7 @@ from linkwork.errors import LinkworkError
 from linkwork.model.labels import POSES
 from linkwork.model.state import Motion
 from linkwork.motions.profiles import Profile
-from linkwork.motions.timed_paths import TimedPath
+from linkwork.motions.timed_paths import TimedPath, sample_count
 from linkwork.robot import Robot
 from linkwork.simulation import Sampled
 
@@ -80,7 +80,7 @@ def write_csv(
 
 def of_path(timed: TimedPath, samples: int, robot: Robot | None) -> dict[str, np.ndarray]:
     """Return the columns of a timed path."""
-    time = np.linspace(0, timed.duration, checks.count(samples, "the number of samples"))
+    time = np.linspace(0, timed.duration, sample_count(samples))
     parts = timed.sample(time)
     return {TIME: time} | marked(labels_of(timed, parts[0].shape[1], robot), parts)
 

@@ -25,6 +25,7 @@ from linkwork.paths import Path, Triple, uniform
 from linkwork.simulation import Sampled, Signal, as_signal
 
 Point = State | Mapping[str, float] | Sequence[float] | np.ndarray
+MOST_SAMPLES = 1_000_000
 ALONG = 1e-9
 """How far the speed along a path of unit rate may vary, over itself, and still count as
 constant."""
@@ -113,7 +114,7 @@ class TimedPath:
             rows = np.zeros((len(given), 4, given.shape[2]))
             rows[:, : given.shape[1]] = given
             return Signal(self.profile.knots, rows, np.empty(0))
-        times = np.linspace(0, self.duration, checks.count(samples, "the number of samples"))
+        times = np.linspace(0, self.duration, sample_count(samples))
         return as_signal(Sampled(times, self.sample(times)[0][:, columns]))
 
     def __repr__(self) -> str:
@@ -198,7 +199,13 @@ def through(
     change = np.abs(np.diff(values, axis=0))
     require_moving(change)
     ways = [(change / limit) ** (1 / order) for order, limit in enumerate(allowed, 1)]
-    knots = np.concatenate([[0.0], np.cumsum(np.max(ways, axis=(0, 2)))])
+    times = np.max(ways, axis=(0, 2))
+    if not times.all():
+        raise LinkworkError(
+            f"nothing limits the way from point {int(np.argmin(times))} to the next one; limit the "
+            "coordinates that change there"
+        )
+    knots = np.concatenate([[0.0], np.cumsum(times)])
     # The spline, and the least scale.
     still = [(order, np.zeros(values.shape[1])) for order in range(1, (degree + 1) // 2)]
     spline = make_interp_spline(knots, values, k=degree, bc_type=(still, still))
@@ -312,10 +319,7 @@ def along(
         LinkworkError: a path whose rate varies, or whose position stays.
     """
     length = length_of(path, position)
-    V, A, J = limits_of(limits).of((), 1)[:, 0]
-    profile = law_of(law)(
-        length, **{kind: bound for kind, bound in zip(KINDS, (V, A, J), strict=True) if bound < inf}
-    )
+    profile = lawful(law_of(law), length, limits_of(limits).of((), 1)[:, 0])
     return TimedPath(Path(path.curve, profile.law), profile.duration, (), (0.0, profile.duration))
 
 
@@ -424,9 +428,20 @@ def leg(change: np.ndarray, allowed: np.ndarray, law: MotionLaw) -> Profile:
     (3, d)."""
     with np.errstate(divide="ignore"):
         bounds = (allowed / np.abs(change)).min(axis=1)
-    return law(
-        1.0, **{kind: bound for kind, bound in zip(KINDS, bounds, strict=True) if bound < inf}
-    )
+    return lawful(law, 1.0, bounds)
+
+
+def lawful(law: MotionLaw, distance: float, bounds: Sequence[float] | np.ndarray) -> Profile:
+    """Return what a law makes of a distance and limits (3,), infinite where there is none; refuse
+    what is no profile."""
+    given = {kind: bound for kind, bound in zip(KINDS, bounds, strict=True) if bound < inf}
+    profile = law(distance, **given)
+    if not isinstance(profile, Profile):
+        raise LinkworkError(
+            f"the law returns {checks.shown(profile)}; give a function that returns a Profile, as "
+            "motions.s_curve does"
+        )
+    return profile
 
 
 def needed(profile: Profile, allowed: np.ndarray) -> float:
@@ -436,6 +451,14 @@ def needed(profile: Profile, allowed: np.ndarray) -> float:
         for order, limit in enumerate(allowed, 1)
     ]
     return float(max(factors))
+
+
+def sample_count(value: int, least: int = 2) -> int:
+    """Return a number of samples; refuse fewer than two, and what does not fit into memory."""
+    count = checks.count(value, "the number of samples")
+    if not least <= count <= MOST_SAMPLES:
+        raise LinkworkError(f"the number of samples is {count}; give {least} to {MOST_SAMPLES}")
+    return count
 
 
 def require_moving(changes: np.ndarray) -> None:
