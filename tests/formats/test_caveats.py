@@ -66,8 +66,8 @@ def test_a_file_that_is_read_whole_has_none(tmp_path):
         ),
         ({"more": INERTIAL, "joint": 'stiffness="1 2"'}, "has a stiffness that is not linear"),
         (
-            {"more": INERTIAL + "<replicate count='3'/>"},
-            "<replicate> is left out: it is not known here",
+            {"more": INERTIAL + "<composite count='3'/>"},
+            "<composite> is left out: it makes bodies",
         ),
         (
             {"more": INERTIAL.replace("/>", "/><plugin/>")},
@@ -174,8 +174,10 @@ def test_a_model_whose_masses_are_all_meshes_says_so(tmp_path):
 
 def test_springs_that_are_left_out_are_told_where_tendons_that_do_not_pull_come_first(tmp_path):
     """Both are left out with the same remark; one of them alone alters the motion."""
-    tendon = '<spatial name="{}" {}><site site="s1"/><site site="s2"/><site site="s3"/></spatial>'
+    tendon = '<spatial name="{}" {}><site site="s1"/><geom geom="g" sidesite="s3"/>'
+    tendon += '<site site="s2"/></spatial>'
     sites = "".join(f'<site name="s{k}" pos="0 0 0.{k}"/>' for k in (1, 2, 3))
+    sites += '<geom name="g" size="0.01" mass="0"/>'
     path = model(tmp_path, more=INERTIAL + sites)
     tendons = tendon.format("cord", "") + tendon.format("spring", 'stiffness="5"')
     path.write_text(path.read_text().replace("<actuator>", f"<tendon>{tendons}</tendon><actuator>"))

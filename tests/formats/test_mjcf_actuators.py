@@ -134,3 +134,17 @@ def test_a_run_is_led_by_the_files_own_servos(tmp_path):
         mj.mj_step(model, data)
     own = dict(zip(robot.coordinates, run.dataset["joint_position"].values[-1], strict=True))
     assert data.qpos == pytest.approx([own[f"j{k}"] for k in (1, 2, 3, 4)], abs=1e-5)
+
+
+def test_a_tendon_bounds_what_its_one_actuator_does(tmp_path):
+    path = tmp_path / "arm.xml"
+    motor = '<position tendon="split" kp="20" gear="2"/>'
+    text = ARM.format(joint='actuatorfrcrange="-3 2"', actuators=motor)
+    path.write_text(text.replace('name="split"', 'name="split" actuatorfrcrange="-0.5 1"'))
+    with_both = load(path)
+    (note,) = (note for note in with_both.notes if "actuatorfrcrange" in note)
+    assert "<joint 'j1'> says actuatorfrcrange, which is left out" in note
+    law = with_both.mechanism.drives["split"]
+    assert (law["least_force"], law["largest_force"]) == (-0.5, 1)
+    path.write_text(path.read_text().replace('actuatorfrcrange="-3 2"', ""))
+    assert compared(path, tmp_path) < 1e-12

@@ -94,13 +94,15 @@ def ball_drives(document: Document) -> dict[str, DrivenBall]:
 class ActuatorReader:
     """Read the actuators of a document whose joints and tendons are known.
 
-    tendons: of joints, by name; names: give names to transmissions
+    tendons: those of joints, and cables, by name; tendon_elements: all tendons
+    names: give names to transmissions
     """
 
     document: Document
     tree: ModelTree
     joints: Joints
     tendons: dict[str, Combination | Cable]
+    tendon_elements: dict[str, Element]
     names: FreeNames
     notes: Notes
 
@@ -116,6 +118,9 @@ class ActuatorReader:
             if any(line.loads):
                 self.found.transmissions[own] = line
         self.users = Counter(joint for element in self.elements for joint in self._moved(element))
+        attributes = [element.attributes for element in self.elements]
+        self.direct = Counter(own.get("joint") or own.get("jointinparent") for own in attributes)
+        self.pullers = Counter(own.get("tendon") for own in attributes)
 
     def read(self) -> Actuation:
         """Return all actuators in their order; what is not one here is noted."""
@@ -136,14 +141,23 @@ class ActuatorReader:
                 f"{self.document.root.file}: the laws of actuators are the mechanism's drives; "
                 "given to a run (drives=robot.drives) they make forces of the file's controls"
             )
-        for piece in self.pieces.values():
-            if "actuatorfrcrange" in piece.element.attributes and self.users[piece.name or ""] > 1:
-                self.notes.on(
-                    piece.element,
-                    "says actuatorfrcrange, which is left out: it bounds the sum of several "
-                    "actuators",
-                )
+        self._note_bounds()
         return self.found
+
+    def _note_bounds(self) -> None:
+        """Note the bounds of what actuators do together that are not those of a single drive."""
+        joints = [(self.users[piece.name or ""], piece.element) for piece in self.pieces.values()]
+        tendons = [(self.pullers[name], element) for name, element in self.tendon_elements.items()]
+        for users, element in (*joints, *tendons):
+            own = element.tag == "joint" and users == self.direct[element.attributes["name"]]
+            if not users or (users == 1 and (own or element.tag != "joint")):
+                continue
+            if "actuatorfrcrange" in element.attributes:
+                self.notes.on(
+                    element,
+                    "says actuatorfrcrange, which is left out: it bounds the sum of several "
+                    "actuators, or what a tendon does",
+                )
 
     # ------------------------------------------------------------------------------ what is driven
 
@@ -257,7 +271,9 @@ class ActuatorReader:
     def _law(self, element: Element, gear: float) -> Numbers:
         """Return the numbers of the drive that an actuator is; none of one that gives its control
         as a force."""
-        if element.tag not in LAWS or not self._known(element):
+        damped = element.tag in ("position", "intvelocity") and "dampratio" in element.attributes
+        cable = isinstance(self.tendons.get(element.attributes.get("tendon", "")), Cable)
+        if element.tag not in LAWS or not self._known(element) or (damped and cable):
             self.notes.on(
                 element,
                 "is taken as a plain actuator: its control law is left out, the force is yours",
@@ -363,16 +379,18 @@ class ActuatorReader:
         return {f"least_{what}": middle - half, f"largest_{what}": middle + half}
 
     def _forces(self, element: Element, gear: float) -> Numbers:
-        """Return the bounds of the force, those of the joint's actuatorfrcrange included."""
+        """Return the bounds of the force, actuatorfrcrange of the joint or tendon included."""
         found = self._range(element, "force", "force")
-        joint = element.attributes.get("joint") or element.attributes.get("jointinparent", "")
-        piece = self.pieces.get(joint)
-        if piece is None or not gear or self.users[joint] > 1:
-            return found
-        outer = self._range(piece.element, "actuatorfrc", "force")
+        attributes = element.attributes
+        joint = attributes.get("joint") or attributes.get("jointinparent", "")
+        piece, tendon = self.pieces.get(joint), attributes.get("tendon", "")
+        moved = piece.element if piece else self.tendon_elements.get(tendon)
+        users = self.users[joint] if piece else self.pullers[tendon]
+        outer = self._range(moved, "actuatorfrc", "force") if moved and users == 1 and gear else {}
         if not outer:
             return found
-        low, high = sorted(float(value) / gear for value in outer.values())
+        # A tendon bounds f itself, a joint what arrives there.
+        low, high = sorted(float(value) / (gear if piece else 1.0) for value in outer.values())
         if not found:
             return {"least_force": low, "largest_force": high}
         return {name: min(max(float(value), low), high) for name, value in found.items()}
@@ -380,14 +398,12 @@ class ActuatorReader:
     def _reflected(self, element: Element, gear: float) -> float:
         """Return the inertia that an actuator sees at qpos0 [kg, kg m^2], 1 / (J M^-1 J')."""
         line = self.tendons.get(element.attributes.get("tendon", ""))
-        if isinstance(line, Cable):
-            raise element.refusal("has a dampratio on a spatial tendon; give kv instead")
         own = dict.fromkeys((self.joints.coordinates[name] for name in self._moved(element)), 1.0)
         if any(line.inertia for line in self.tendons.values() if isinstance(line, Cable)):
             remark = "has a dampratio, in which the armature of spatial tendons is left out"
             self.notes.on(element, remark, alters=True)
         J, places = np.zeros(len(self.inertia[0])), self.inertia[1]
-        for label, ratio in (line.ratios if line else own).items():
+        for label, ratio in (line.ratios if isinstance(line, Combination) else own).items():
             J[places[label]] = gear * ratio
         return float(1 / (J @ np.linalg.solve(self.inertia[0], J)))
 

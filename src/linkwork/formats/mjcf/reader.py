@@ -88,7 +88,8 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
     gears = loops.gears(ties, joints, names)
     # All of it, named once; sites that nothing uses are tools.
     everything: dict[str, Joint] = joints.joints | closing | tendons.joints | gears  # pyright: ignore
-    actuation = ActuatorReader(document, tree, joints, tendons.lines, names, notes).read()
+    given = tendons.lines, tendons.elements
+    actuation = ActuatorReader(document, tree, joints, *given, names, notes).read()
     used = ties.sites | tendons.used | driven_sites(document)
     tools = {
         name: (body, X)

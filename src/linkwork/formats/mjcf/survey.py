@@ -70,7 +70,8 @@ GEOM = {
     "surfacevel", "adhesion",
 }  # fmt: skip
 TENDON = {
-    "stiffness", "damping", "springlength", "limited", "range", "frictionloss", "armature",
+    "actuatorfrcrange", "actuatorfrclimited", "stiffness", "damping", "springlength", "limited",
+    "range", "frictionloss", "armature",
 }  # fmt: skip
 DRIVE = {
     "joint", "jointinparent", "tendon", "body", "site", "refsite", "slidersite", "cranksite",

@@ -52,13 +52,14 @@ class Tendons:
 
     joints: rods and gears; lines: combinations of all tendons of joints, and cables, by name in the
         file
-    used: the sites that they use
+    used: the sites that they use; elements: all tendons, by name in the file
     """
 
     joints: dict[str, Joint] = field(default_factory=dict)
     springs: dict[str, PointSpring] = field(default_factory=dict)
     lines: dict[str, Combination | Cable] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
+    elements: dict[str, Element] = field(default_factory=dict)
 
 
 @dataclass
@@ -83,6 +84,7 @@ class TendonReader:
         for raw in self.document.each("tendon"):
             element = self.document.resolved(raw, "tendon")
             holds = held.pop(element.attributes.get("name", ""), None)
+            self.found.elements[element.attributes.get("name", "")] = element
             if element.tag == "fixed":
                 self._fixed(element, holds)
             elif element.tag == "spatial":
