@@ -13,6 +13,7 @@ from linkwork.motions.tables import read_columns
 
 from tests.catalogue import built
 from tests.cli.calls import call, refused
+from tests.robot.mixed_freedoms import scara
 
 pytestmark = pytest.mark.usefixtures("compiled")
 
@@ -110,6 +111,29 @@ def test_words_are_the_fields_of_records():
     }  # fmt: skip
     assert {"pose", "circle", "line", "through"} == {*GOALS}
     assert {"pd", "computed_torque", "lqr"} <= {*CONTROLLERS}
+
+
+def test_robots_of_mixed_freedoms_are_led_in_task_coordinates(tmp_path):
+    """By name, or in the order of the task."""
+    file = tmp_path / "scara.yaml"
+    scara().save(file)
+    robot, tool = lw.Robot(file), {"x": 0.4, "y": 0.2, "z": -0.1, "rz": 0.3}
+    words = ",".join(f"{name}={value}" for name, value in tool.items())
+    modes = told("analyse", file, "modes", "--tool", words)
+    assert modes["count"] == 2 and modes["what"] == [*tool]
+    run = told("simulate", file, "--duration", 0.01, "--rtol", 1e-10, "--tool", words)
+    start = robot.assemble(tool=tool)
+    assert run["joints"]["shoulder"] == pytest.approx(float(start["shoulder"]), abs=1e-3)
+    line = "line start=0.4,0.2,-0.1,0.3 end=0.45,0.1,-0.1,0"
+    path = ("follow", file, "--path", line, "--duration", 1, "--tool", words)
+    found = told(*path, "--what", "x,y,z,rz")
+    assert found == told(*path)
+    last = robot.assemble(tool=[0.45, 0.1, -0.1, 0.0], guess=start)
+    assert found["joints"]["shoulder"]["from"] == pytest.approx(float(last["shoulder"]), abs=1e-6)
+    judged = told("analyse", file, "singularities", "--what", "x,y,z,rz")
+    assert judged["kinds"] == [] and judged["leg"] > 0.01
+    for refusal in ((*path[:-1], "x=0.4,w=1"), (*path, "--what", "x,y,z,qq")):
+        assert "there is no coordinate of the tool" in refused(*refusal)
 
 
 RUN = ("simulate", "prr3", "--duration", 0.1)

@@ -17,6 +17,7 @@ from linkwork.cli.options import (
     Reference,
     RobotName,
     ToolPose,
+    What,
 )
 from linkwork.cli.source import Source
 
@@ -62,12 +63,13 @@ def singularities(
     context: typer.Context,
     joints: Joints = None,
     tool: ToolPose = None,
+    what: What = None,
     json: Json = False,
 ) -> None:
     """Tell of which kinds a configuration is singular, and how far it is from being so."""
     from linkwork.cli import studies
 
-    studies.singularities(context.obj, joints, tool, json)
+    studies.singularities(context.obj, joints, tool, what, json)
 
 
 @analyse.command()

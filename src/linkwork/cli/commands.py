@@ -23,6 +23,7 @@ from linkwork.cli.options import (
     PackagePath,
     Reference,
     RobotName,
+    What,
     runs_like,
     shown_like,
 )
@@ -186,7 +187,10 @@ def simulate(
         str | None,
         typer.Option(
             metavar="POSE",
-            help="Start with the tool at 'x,y,angle' (in space 'x,y,z,rx,ry,rz'), m and rad.",
+            help=(
+                "Start with the tool at 'x,y,angle' (in space 'x,y,z,rx,ry,rz'), m and rad; or "
+                "'x=0.3,rz=0.1' by name."
+            ),
         ),
     ] = None,
     joints: Annotated[
@@ -309,6 +313,7 @@ def follow(
         str | None,
         typer.Option(metavar="VALUES", help="Look near 'slide_1=0.2,...': they choose the branch."),
     ] = None,
+    what: What = None,
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
@@ -329,12 +334,13 @@ def follow(
 ) -> None:
     """Lead the tool along a path: motion of all joints, and the forces that it takes (inverse
     dynamics)."""
+    from linkwork.cli.entries import names
     from linkwork.cli.follow import Files, follow
     from linkwork.cli.start import StartOptions
 
     start, files = StartOptions(tool, joints, None), Files(out, forces_out, overwrite)
     source = Source(robot, reference, floating, packages, merging, includes)
-    follow(source, path, duration, samples, start, files, json)
+    follow(source, path, duration, samples, start, names(what), files, json)
 
 
 @app.command()

@@ -15,7 +15,8 @@ def convert(source: Source, target: Path, overwrite: bool, as_json: bool) -> Non
     """Read a robot of the catalogue or a model file, write it in another format, and say what was
     left out."""
     refuse_existing(target, overwrite)
-    imported = read(source)
+    with patience("reading the model"):
+        imported = read(source)
     with patience("closing the loops"):
         written = formats.save(imported.mechanism, target)
     if as_json:

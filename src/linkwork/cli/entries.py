@@ -196,6 +196,11 @@ def ranges(text: str) -> dict[str, tuple[float, float]]:
     return found
 
 
+def names(text: str | None) -> tuple[str, ...] | None:
+    """Return the names of "x,y,rz"; None where nothing is said."""
+    return None if text is None else tuple(part.strip() for part in text.split(","))
+
+
 def pairs(text: str, option: str) -> Iterable[tuple[str, str]]:
     """Yield the names and values of "a=1,b=2"."""
     seen: set[str] = set()

@@ -11,7 +11,7 @@ from linkwork.cli.catalogue import built, refuse_existing
 from linkwork.cli.led import along
 from linkwork.cli.source import Source
 from linkwork.cli.start import StartOptions
-from linkwork.cli.terminal import console, facts, patience, show_json, table
+from linkwork.cli.terminal import console, facts, patience, show_json, table, tidy
 from linkwork.errors import LinkworkError
 from linkwork.model.limits import passed
 from linkwork.motions import write_csv
@@ -61,6 +61,7 @@ def follow(
     duration: float | None,
     samples: int,
     start: StartOptions,
+    what: tuple[str, ...] | None,
     files: Files,
     as_json: bool,
 ) -> None:
@@ -72,7 +73,7 @@ def follow(
     with patience("deriving the equations of motion"):
         robot = built(source)
     with patience("following the path"):
-        motion = along(robot, path, "--path", duration, samples, start.state(robot))
+        motion = along(robot, path, "--path", duration, samples, start.state(robot), what)
         forces, reason = needed(robot, motion, files.forces is not None)
     written = files.write(robot, motion, forces)
     beyond = passed(robot, motion.positions, motion.time)
@@ -94,8 +95,11 @@ def follow(
         names = [name for name in found if few or name in robot.actuators or title != "joints"]
         if names:
             header = [title.replace("_", " "), *found[names[0]]]
+            values = np.array([[*found[name].values()] for name in names])
+            shown = tidy(values, np.abs(values).max(axis=0))
             lines = [
-                (name, *(f"{number:.6g}" for number in found[name].values())) for name in names
+                (name, *(f"{number:.6g}" for number in row))
+                for name, row in zip(names, shown, strict=True)
             ]
             out.print()
             out.print(table(header, lines, numbers=range(1, len(header))))

@@ -66,11 +66,21 @@ def tabled(text: str) -> bool:
 
 
 def along(
-    robot: Robot, text: str, option: str, duration: float | None, samples: int, guess: State
+    robot: Robot,
+    text: str,
+    option: str,
+    duration: float | None,
+    samples: int,
+    guess: State,
+    what: tuple[str, ...] | None = None,
 ) -> Motion:
-    """Return the motion along a path: of a table over its own time, of words over a duration
-    [s]."""
+    """Return the motion along a path: of a table over its own time, of words over a duration [s].
+
+    what: names of the tool's coordinates that the path has; those of its task if left out
+    """
     if tabled(text):
+        if what is not None:
+            raise LinkworkError("--what names coordinates of the tool, but a table has joints'")
         columns = read_columns(Path(text))
         names = robot.independent if {*robot.independent} <= {*columns} else ()
         if {*robot.coordinates} <= {*columns}:  # which say on which branch it is
@@ -79,7 +89,7 @@ def along(
     path = record_of(text, option, PATHS).path
     if duration is None:
         raise LinkworkError(f"{option} says no times; give --duration, too")
-    return robot.follow(path, duration, samples=samples, guess=guess)
+    return robot.follow(path, duration, samples=samples, guess=guess, what=what)
 
 
 def off_goal(robot: Robot, run: Run, goal: State | Motion) -> np.ndarray:

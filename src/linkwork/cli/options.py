@@ -63,6 +63,13 @@ ToolPose = Annotated[
         "by name, 'z=0.5,rx=0.1'; m and rad.",
     ),
 ]
+What = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAMES",
+        help="Coordinates that the tool is led in, 'x,y,z,rz'; left out, those of its task.",
+    ),
+]
 Joints = Annotated[
     str | None,
     typer.Option(metavar="VALUES", help="Joint coordinates 'slide_1=0.2,...', m or rad."),

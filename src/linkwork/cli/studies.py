@@ -11,7 +11,7 @@ import numpy as np
 
 from linkwork import analysis
 from linkwork.cli.catalogue import built, refuse_existing
-from linkwork.cli.entries import axes, by_name, number, of_tool, ranges
+from linkwork.cli.entries import axes, by_name, names, number, of_tool, ranges
 from linkwork.cli.poses import (
     FEW,
     equilibrium_told,
@@ -138,14 +138,17 @@ def modes(
     out.print(table(("", *shown, "hits", "in limits"), lines, numbers=range(len(shown) + 2)))
 
 
-def singularities(source: Source, joints: str | None, tool: str | None, as_json: bool) -> None:
+def singularities(
+    source: Source, joints: str | None, tool: str | None, what: str | None, as_json: bool
+) -> None:
     """Print of which kinds a configuration is singular."""
     # Which kinds the configuration is of.
     robot = made(source)
     state = configuration(robot, joints, tool)
-    told = analysis.singularity(robot, state)
+    with patience("judging the configuration"):
+        told = analysis.singularity(robot, state, what=names(what))
     near = None
-    if not (told.tool or told.kinds) and task_if_any(robot, near=False):
+    if what is None and not (told.tool or told.kinds) and task_if_any(robot, near=False):
         stack = robot.make_state(state.q[None], np.zeros((1, robot.mobility)))
         near = analysis.along(robot, stack).isel(sample=0)
     if as_json:
@@ -322,7 +325,8 @@ def stiffness(
             "--joint-stiffness: give name=value for each stiff joint, such as "
             "'slide_1=1e5,slide_2=1e5'"
         )
-    K, _ = analysis.tool_stiffness(robot, state, named)
+    with patience("finding the stiffness"):
+        K, _ = analysis.tool_stiffness(robot, state, named)
     labels = ("rx", "ry", "rz", "x", "y", "z")
     shown = pose_places(robot.planar)
     if as_json:
