@@ -9,6 +9,7 @@ from linkwork.views.plots import plot_run
 from linkwork.views.run_report import write_report
 from linkwork.views.style import save_figure
 from linkwork.views.timed import plot_timed_path
+from linkwork.views.video import write_video
 
 __all__ = [
     "plot_mechanism",
@@ -19,6 +20,7 @@ __all__ = [
     "plot_workspace",
     "save_figure",
     "write_report",
+    "write_video",
 ]
 
 __getattr__ = leading_to(__name__, "linkwork.lab.precision", ("plot_work_precision",))

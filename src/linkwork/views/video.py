@@ -1,0 +1,131 @@
+"""A video of a run: the mechanism as pictures draw it, one frame after the other, seen from one
+place.
+
+GIF is written by Pillow, MP4 by ffmpeg where that is installed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from linkwork.checks import file_path
+from linkwork.errors import LinkworkError
+from linkwork.robot import Robot, State
+from linkwork.scene.scene import scene_of
+from linkwork.simulation import Run
+from linkwork.views import plane, space
+from linkwork.views.canvas import Canvas
+from linkwork.views.drawing import new_axes, paint
+from linkwork.views.motion import run_states
+from linkwork.views.style import styled
+
+MOST = 600  # frames
+DOTS = 100  # per inch
+FASTEST = 50  # frames per second, which is what GIF holds
+AROUND = 0.06  # room about a plane mechanism, relative to its size
+
+
+def write_video(
+    robot: Robot, run: Run, path: str | Path, *, fps: float = 20.0, speed: float = 1.0
+) -> Path:
+    """Write a run as a video; a file that exists is replaced.
+
+    Args:
+        robot: whose run it is.
+        run: the run; frames show its saved samples, and those between them where it can be run
+            again.
+        path: of the video, ending in .gif, or in .mp4 where ffmpeg is installed.
+        fps: frames per second of the video, up to 50.
+        speed: seconds of the run in one second of the video.
+
+    Returns:
+        The path.
+
+    Raises:
+        LinkworkError: a run of another robot or of no length, another suffix, no ffmpeg, more than
+            600 frames, a file that cannot be written.
+    """
+    # What is asked for, and what can be written.
+    path = file_path(path, "the path of a video")
+    for name, value, most in (("fps", fps, FASTEST), ("speed", speed, np.inf)):
+        if not isinstance(value, int | float) or not 0 < value <= most or value == np.inf:
+            bound = f" up to {most}" if most < np.inf else ""
+            raise LinkworkError(f"{name} is {value!r}; give a number above 0{bound}")
+    writer = writer_for(path, fps)
+    drawn = run.smooth
+    states, time = run_states(robot, drawn), np.asarray(drawn.time, float)
+    length = float(np.ptp(time)) / speed
+    if not length > 0:
+        raise LinkworkError("the run has no length in time; there is nothing to move")
+    count = round(length * fps) + 1
+    if count > MOST:
+        raise LinkworkError(
+            f"the video would have {count} frames, more than {MOST}; give a higher speed than "
+            f"{speed:g} or a lower fps than {fps:g}"
+        )
+    # Of every frame the sample that is the nearest in time.
+    shown = np.linspace(time[0], time[-1], count)
+    later = np.searchsorted(time, shown).clip(1, len(time) - 1)
+    nearest = later - (shown - time[later - 1] < time[later] - shown)
+    chosen, order = np.unique(nearest, return_inverse=True)
+    try:
+        with styled():
+            draw_all(robot, states.at(chosen), order, writer, path)
+    except OSError as error:
+        raise LinkworkError(
+            f"'{path}' cannot be written: {(error.strerror or str(error)).lower()}"
+        ) from None
+    return path
+
+
+def writer_for(path: Path, fps: float) -> Any:
+    """Return what writes a video of a suffix."""
+    from matplotlib.animation import FFMpegWriter, PillowWriter
+
+    match path.suffix.lower():
+        case ".gif":
+            return PillowWriter(fps=fps)  # pyright: ignore[reportArgumentType]
+        case ".mp4" if FFMpegWriter.isAvailable():
+            return FFMpegWriter(fps=fps)  # pyright: ignore[reportArgumentType]
+        case ".mp4":
+            raise LinkworkError("ffmpeg, which writes .mp4, is not installed; write a .gif")
+    raise LinkworkError(f"a video is written as .gif or .mp4, not as {path.name!r}")
+
+
+def draw_all(robot: Robot, states: State, order: np.ndarray, writer: Any, path: Path) -> None:
+    """Draw the states (K,) in an order (F,) of their numbers, on the same axes."""
+    # Axes that all states fit on.
+    points = scene_of(robot, states.at(-1), states).points
+    axes = new_axes(points, robot.planar)
+    frame(robot, states, 0, Canvas.on(axes, points))
+    (plane if robot.planar else space).finish(Canvas.on(axes, points))
+    if robot.planar:
+        axes.set_aspect("equal", adjustable="box")
+        limits = axes.get_xlim(), axes.get_ylim()
+        room = AROUND * float(np.ptp(points[:, :2], axis=0).max())
+        for own, column, put in zip(limits, points.T, (axes.set_xlim, axes.set_ylim), strict=False):
+            put(min(own[0], column.min() - room), max(own[1], column.max() + room))
+        axes.figure.draw_without_rendering()
+    else:
+        space.fit(axes)
+    axes.figure.set_layout_engine("none")
+    axes.set_autoscale_on(False)
+    # One frame after the other; states that stay are drawn once.
+    last = -1
+    with writer.saving(axes.figure, str(path), DOTS):
+        for number in order:
+            if number != last:
+                for artist in (*axes.collections, *axes.lines, *axes.patches, *axes.texts):
+                    artist.remove()
+                frame(robot, states, int(number), Canvas.on(axes, points))
+                last = number
+            writer.grab_frame()
+
+
+def frame(robot: Robot, states: State, number: int, canvas: Canvas) -> None:
+    """Draw one of the states; rails are as long as all of them need."""
+    for part in scene_of(robot, states.at(number), states).parts:
+        paint(canvas, part)
