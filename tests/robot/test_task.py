@@ -247,16 +247,28 @@ def test_what_makes_no_task_is_refused(arm, legs):
     refused("is asked for nothing", arm.assemble, tool={})
     refused("'yoll'", arm.assemble, tool={"yoll": 1.0})
     refused("give numbers", arm.assemble, tool={"x": "far"})
-    refused("5 numbers", arm.assemble, tool=[0.0] * 5)
+    refused("give 4 numbers", arm.assemble, tool=[0.0] * 5)
     refused("give 2", legs.follow, Path(swung), 1.0, what=("z", "azimuth"))
     refused(
         "3 numbers are given for z, tilt; give 2", legs.follow, Path(swung), 1.0, what=("z", "tilt")
     )
     upright = lw.paths.line([0.5, 0, 0], [0.5, 0.1, 0])
-    stated = Robot(scara(task=("x", "y", "z", "tilt")))
-    level = lw.paths.line(np.append(stated.tool_pose(stated.home)[:3], 0.0), [0.5, 0.4, 0, 0.0])
-    refused("the tool's tilt has no rate at this pose", stated.follow, level, 1.0)
+    what, start = ("x", "y", "z", "tilt"), np.append(arm.tool_pose(arm.home)[:3], 0.0)
+    level = lw.paths.line(start, [0.5, 0.4, 0, 0.0])
+    refused("the tool's tilt has no rate at this pose", arm.follow, level, 1.0, what=what)
+    useless = Robot(scara(task=what))
+    refused("x, y, z, tilt only 3 coordinates are independent", useless.follow, level, 1.0)
     refused("leg-singular", legs.follow, upright, 1.0, what=("z", "tilt_x", "torsion"))
     assert Robot(lw.robots.four_bar()).task == ()
     refused("azimuth has no rate at this pose", arm.jacobian, arm.home, ("azimuth",))
+    refused("azimuth has no rate at this pose", legs.jacobian, legs.home, ("azimuth",))
+    refused("led in z, rotation x, rotation y: give 3", legs.assemble, tool=[0.5, 0, 0, 0])
+    bound = Robot(scara(task=("x", "y", "rx", "rz")))
+    refused("only 3 coordinates are independent", bound.assemble, tool=[0.5, 0.4, 0, 0])
+    refused("the tool moves at home in x, y, z, rz", bound.follow, level, 1.0)
+    refused(
+        "no coordinate of the tool 'angle'",
+        Robot(scara(task=("x", "angle"))).assemble,
+        tool=[0.5, 0],
+    )
     refused("names no tool", Robot(lw.robots.bricard()).jacobian, None)

@@ -67,8 +67,33 @@ def task_of(robot: Model, near: bool = True) -> Task:
 
 def task_if_any(robot: Model, near: bool = True) -> Task | None:
     """Return the same, None where no task is stated and none plain."""
-    stated = first_tool(robot).task
-    return led_coordinates(robot, near) if stated is None else known(robot, labels(stated))
+    task = stated(robot)
+    if not task:
+        return led_coordinates(robot, near) if robot.mechanism.tools else None
+    robot.once(require_independent, task)
+    return task
+
+
+def require_independent(robot: Model, task: Task) -> None:
+    """Refuse a stated task of coordinates that this robot does not have, or that depend on each
+    other at home and near it."""
+    known(robot, labels(task))
+    asked = ToolAsked(task, robot.equations.tree.length, robot.planar)
+    own = np.repeat([1.0, robot.equations.tree.length], 3)
+    ranks_there = [0]
+    for q, motions in zip(around(robot), robot.once(tool_motions), strict=True):
+        out = {name: part[None] for name, part in robot.assembler.still(q).items()}
+        rows = asked.mapped(out)[1][0] * own / asked.units[:, None] @ motions
+        ranks_there += ranks(np.where(np.isfinite(rows).all(axis=1, keepdims=True), rows, 0)[None])
+    needed = min(len(task), freedoms(robot))
+    if max(ranks_there) < needed:
+        names, moves = ", ".join(labels(task)), moving(robot)
+        own_names = zip(POSES[robot.planar], moves, strict=True)
+        able = ", ".join(name for name, moved in own_names if moved)
+        raise LinkworkError(
+            f"of the task {names} only {max(ranks_there)} coordinates are independent; the tool "
+            f"moves at home in {able}"
+        )
 
 
 def not_plain(robot: Model) -> str:
@@ -84,11 +109,11 @@ def not_plain(robot: Model) -> str:
 
 def known(robot: Model, names: Sequence[str]) -> Task:
     """Return task coordinates by name: those of the tool's task, or of any pose; refuse others."""
-    stated = {label(item): item for item in first_tool(robot).task or mixed(robot) or ()}
+    own = {label(item): item for item in stated(robot) or mixed(robot) or ()}
     allowed = POSES[True] if robot.planar else tuple(name for name in NAMES if name != "angle")
-    records = tuple(name for name, item in stated.items() if not isinstance(item, str))
+    records = tuple(name for name, item in own.items() if not isinstance(item, str))
     checks.known(names, (*allowed, *records), "coordinate of the tool")
-    return tuple(stated.get(name, name) for name in names)
+    return tuple(own.get(name, name) for name in names)
 
 
 def led_coordinates(robot: Model, near: bool) -> Task | None:
@@ -186,20 +211,21 @@ def asked_of(robot: Model, size: int, what: Sequence[str] | None = None) -> Tool
                 f"{len(task)}"
             )
         return ToolAsked(task, length, robot.planar)
-    stated = first_tool(robot).task
+    own = stated(robot)
     poses = (2, 3) if robot.planar else (3, 6)
-    if stated is not None and size == len(stated):
-        return ToolAsked(known(robot, labels(stated)), length, robot.planar)
-    if stated is None and size == freedoms(robot) and size != poses[1]:
+    if own and size == len(own):
+        return ToolAsked(task_of(robot), length, robot.planar)
+    if not own and size == freedoms(robot) and size != poses[1]:
         chosen = led_coordinates(robot, True)
         if chosen is not None and len(chosen) == size:
             return ToolAsked(chosen, length, robot.planar)
         if size not in poses:
             raise LinkworkError(not_plain(robot))
-    if size not in poses and (stated or size == freedoms(robot)):
+    own = own or (mixed(robot) if size not in poses else ()) or ()
+    if size not in poses and own:
         raise LinkworkError(
-            f"the tool is led in {', '.join(map(long_name, labels(stated or ())))}: give "
-            f"{len(stated or ())} numbers, a whole pose, or coordinates by name"
+            f"the tool is led in {', '.join(map(long_name, labels(own)))}: give {len(own)} "
+            "numbers, a whole pose, or coordinates by name"
         )
     return ToolAsked.of(size, length, robot.planar)
 

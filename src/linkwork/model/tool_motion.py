@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from linkwork.model.model import Model
 
 
+STEEP = 1e8  # rate of a coordinate per that of the tool, from which it has none
+
+
 @dataclass(frozen=True, eq=False)
 class ToolMotion:
     """Hold how a tool moves at states (...).
@@ -41,7 +44,7 @@ class ToolMotion:
         """Return the same in task coordinates."""
         _, E, bias = task_kernel(task)(self.pose, self.twist)
         E = np.swapaxes(E.reshape(*E.shape[:-1], 6, len(task)), -1, -2)
-        wrong = ~np.isfinite(E).all(axis=-1)
+        wrong = ~(np.abs(E).max(axis=-1) < STEEP)
         if wrong.any():
             raise LinkworkError(
                 f"the tool's {label(task[int(np.argwhere(wrong)[0][-1])])} has no rate at this "
