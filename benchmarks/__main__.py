@@ -19,6 +19,7 @@ from benchmarks import (
     catalogue,
     control,
     ensemble,
+    growth,
     kernel,
     ladder,
     linkages,
@@ -46,6 +47,7 @@ PAGES: Mapping[str, Sections] = {
     "mechanisms": {
         "stewart": lambda _: stewart.run(),
         "ladder": lambda _: ladder.run(),
+        "growth": lambda _: growth.run(),
         "linkages": lambda _: linkages.run(),
         "catalogue": lambda _: catalogue.run(),
     },

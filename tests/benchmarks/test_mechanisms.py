@@ -65,6 +65,15 @@ def test_the_ladder_grows_linearly_and_swings_as_published():
     json.dumps(section.raw)
 
 
+def test_trees_are_compiled_and_timed_beside_pinocchio():
+    growth = pytest.importorskip("benchmarks.growth", reason=engines_needed)
+    section = growth.run(counts=(3, 14), limbs=(1, 2), loops=3, rounds=1)
+    assert [row[0] for row in section.listing.rows][:2] == ["chain of 3", "chain of 14"]
+    assert all(tree["ours"] > 0 and tree["operations"] > 500 for name, tree in section.raw.items()
+               if name != "ladder")  # fmt: skip
+    json.dumps(section.raw)
+
+
 def test_exudyn_converges_to_the_motion_of_andrews_squeezer():
     """Both come near the reference: Exudyn by the second order of its steps, Linkwork to its
     tolerance."""

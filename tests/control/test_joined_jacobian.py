@@ -8,7 +8,7 @@ import linkwork as lw
 from linkwork.control import PD, joined
 from linkwork.runs.system import system, with_jacobian
 
-from tests.equations.test_articulated import hinges
+from tests.oracle.hinges import hinges
 
 ENTRY = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
 

@@ -11,6 +11,7 @@ from linkwork.equations import articulated, derive, functions
 from linkwork.lab.engines.pinocchio import PinocchioEngine
 
 from tests.equations.evaluation import close, values
+from tests.oracle.hinges import hinges
 from tests.oracle.random_joints import random_tree
 
 KINDS = {  # how many bodies, and their joints over and over
@@ -19,23 +20,6 @@ KINDS = {  # how many bodies, and their joints over and over
     "free bodies": (8, "free", "revolute", "spherical", "revolute"),
     "in the plane": (24, "revolute", "revolute", "prismatic"),
 }
-
-
-def hinges(count: int, limbs: int = 1) -> lw.Mechanism:
-    """Return bodies on hinges in general positions: a chain, or limbs that begin on the first."""
-    rng, bodies, joints = np.random.default_rng(count), {}, {}
-    for k in range(count):
-        frame = lw.Frame(position=0.2 * rng.normal(size=3), rotation=rng.normal(size=3))
-        below = "ground" if k == 0 else f"body_{max(k - limbs, 0)}"
-        bodies[f"body_{k}"] = lw.Body(
-            mass=1 + rng.random(),
-            centre_of_mass=0.1 * rng.normal(size=3),
-            inertia=lw.Inertia(xx=0.02, yy=0.03, zz=0.04),
-        )
-        joints[f"hinge_{k}"] = lw.RevoluteJoint(
-            connects=(below, f"body_{k}"), frames=(frame, lw.Frame())
-        )
-    return lw.Mechanism(bodies=bodies, joints=joints, actuators=tuple(joints))
 
 
 @pytest.mark.parametrize("kind", KINDS)
