@@ -74,6 +74,7 @@ def test_the_energy_balance_knows_them(arm):
     run = robot.simulate(robot.home, [1.0, 0.3], duration=0.3, drives=robot.drives, rtol=1e-11)
     assert run.success
     assert np.abs(run.dataset["energy_balance"]).max() < 1e-8 * np.abs(run.dataset["work"]).max()
+    assert np.isfinite(run.dataset["conditioning"]).all()
 
 
 def test_a_joint_brings_what_lifts_cables_and_thrusts_leave_it():

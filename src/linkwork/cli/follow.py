@@ -137,8 +137,8 @@ def extremes(
         joints, rates = {label: joints[label] | rates[label] for label in joints}, {}
     found = {"joints": joints, "rates": rates}
     if forces is not None and robot.actuators:
-        places = [robot.rates.index(name) for name in robot.actuators]
-        power = forces.values * motion.joint_rates[:, places]
+        actuated = robot.actuation(motion.state) @ motion.state.rates[..., None]
+        power = forces.values * actuated[..., 0]
         columns = zip(robot.actuators, forces.values.T, power.T, strict=True)
         found["actuators"] = {
             name: {"least force": u.min(), "largest force": u.max(), "power": np.abs(P).max()}

@@ -194,8 +194,9 @@ def assembly(equations: Equations) -> ca.Function:
 
     Outputs: how far rows that are not held, if there are any, are open beyond what rounded numbers
     explain; phi, its derivative along the rates, gamma; alignment; the map from w to q';
-    coordinates of all joints and the rows of their rates; of the first tool the position (3), the
-    orientation (9, row by row), the angle (where planar), the Jacobian (6 x nv) and the bias (6).
+    coordinates of all joints and the rows of their rates; the rows of the actuated rates, where
+    there are transmissions; of the first tool the position (3), the orientation (9, row by row),
+    the angle (where planar), the Jacobian (6 x nv) and the bias (6).
     """
     tree, rates = equations.tree, equations.rows.rates
     tool = next(iter(equations.mechanism.tools.values()), None)
@@ -209,6 +210,9 @@ def assembly(equations: Equations) -> ca.Function:
         "coordinates": equations.joints.positions(),
         "J_coordinates": equations.joints.rate_rows(),
     }
+    if equations.mechanism.transmissions:
+        actuators = equations.mechanism.actuators
+        outputs["J_actuated"] = equations.joints.rate_rows(actuators)
     if tool is not None:
         J, bias = body_motion.tool_twist(tree, tool, rates)
         outputs |= body_motion.tool_pose(tree, tool)._asdict() | {"J_tool": J, "bias_tool": bias}

@@ -40,7 +40,7 @@ SETTLING = 12  # of Newton's steps that bring dependent coordinates from nearby
 CONDITIONS = 3  # residual, length of the step, alignment; then the determinants
 DAMPING = 1e-12  # of the normal equations, relative to their trace
 CROWDED = 0.9  # part of the guesses that have to go on, or those that do are gathered
-MATRICES = ("Phi", "derivatives", "J_coordinates", "J_tool")
+MATRICES = ("Phi", "derivatives", "J_coordinates", "J_actuated", "J_tool")
 
 Step = Callable[..., tuple[Any, ...]]
 Read = TypeVar("Read")

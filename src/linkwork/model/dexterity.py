@@ -75,6 +75,8 @@ def allowed(
     Z, names = tree.rate_units[:, None] * N, actuated(robot)
     if names == robot.independent:
         J = np.eye(len(tree.rates))[[tree.rates.index(name) for name in names]]
+    elif robot.mechanism.transmissions:
+        J = out["J_actuated"]
     else:
         J = out["J_coordinates"][:, [robot.rates.index(name) for name in names]]
     units = [tree.length if own and robot.unit(name) == "m" else 1.0 for name in names]
