@@ -90,6 +90,14 @@ def test_every_command_tells_plain_data_and_what_its_options_are():
             assert max(map(len, text.splitlines())) <= 80, words
 
 
+def test_help_is_broken_where_the_terminal_ends():
+    listed = call("--help").stdout
+    assert "limits, springs, sizes" in " ".join(listed.replace("│", " ").split())
+    for words, command in commands():
+        paragraphs = str(command.help).split("\n\n")
+        assert not any("\n" in paragraph for paragraph in paragraphs), words
+
+
 SUBJECTS = {
     "modes": ("five_bar",),
     "singularities": ("five_bar",),

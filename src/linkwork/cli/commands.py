@@ -13,7 +13,7 @@ import typer
 
 from linkwork.cli.analyse import analyse
 from linkwork.cli.caveats import STRICT
-from linkwork.cli.group import DEBUG, CommandGroup
+from linkwork.cli.group import DEBUG, CommandGroup, reflow
 from linkwork.cli.options import (
     Floating,
     Forces,
@@ -511,6 +511,9 @@ def view(
         browser,
         json,
     )
+
+
+reflow(app, analyse)
 
 
 def main() -> None:

@@ -1,6 +1,7 @@
 """How commands are found and refuse: words of other tools lead to ours, and a refusal is one
 sentence."""
 
+import inspect
 import sys
 import traceback
 from typing import Any
@@ -56,3 +57,11 @@ def sentence(error: Exception) -> str:
         place = f"{error.filename}: " if error.filename else ""
         return f"{place}{error.strerror.lower()}"
     return " ".join(str(error).split())
+
+
+def reflow(*apps: typer.Typer) -> None:
+    """Let the help of commands be broken where the terminal ends, not where docstrings are."""
+    for app in apps:
+        for command in app.registered_commands:
+            text = inspect.getdoc(command.callback) or ""
+            command.help = "\n\n".join(" ".join(part.split()) for part in text.split("\n\n"))
