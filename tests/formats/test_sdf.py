@@ -368,7 +368,8 @@ def test_limits_efforts_and_shapes(tmp_path):
     limit = "<axis><xyz>0 0 1</xyz><limit><lower>-1e16</lower><upper>2</upper>{}</limit></axis>"
     visual = (
         "<visual name='v'><pose>0 0 0.5 0 0 0</pose><geometry><cylinder><radius>0.1</radius>"
-        "<length>1</length></cylinder></geometry></visual></link>"
+        "<length>1</length></cylinder></geometry></visual><visual name='w'><geometry><ellipsoid>"
+        "<radii>1 2 3</radii></ellipsoid></geometry></visual></link>"
     )
     links = LINK.format("a", "0 0 0 0 0 0", 1).replace("</link>", visual)
     text = model(
@@ -381,7 +382,8 @@ def test_limits_efforts_and_shapes(tmp_path):
     assert mechanism.actuators == ("j",)
     assert mechanism.drives == {"j": {"type": "saturated", "limit": 5}}
     assert mechanism.joints["j"].limits == Limits(upper=2)
-    (shape,) = mechanism.bodies["a"].shapes
+    shape, other = mechanism.bodies["a"].shapes
+    assert other.radii == (1, 2, 3)
     assert shape.length == 1 and shape.frame.position == (0, 0, 0.5)
 
 

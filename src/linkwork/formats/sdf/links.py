@@ -16,7 +16,7 @@ from linkwork.formats import poses
 from linkwork.formats.notes import Notes
 from linkwork.formats.sdf.scopes import Scope, read_pose
 from linkwork.formats.xml import Element
-from linkwork.mechanism import Box, Capsule, Cylinder, Shape, Sphere
+from linkwork.mechanism import Box, Capsule, Cylinder, Ellipsoid, Shape, Sphere
 from linkwork.solids.solid import Solid, together
 from linkwork.solids.uniform import principal, volume
 
@@ -82,8 +82,11 @@ def shapes_of_link(scope: Scope, link: Element, notes: Notes) -> Iterator[Shape]
     """Yield what is shown of a link, in its axes."""
     for visual in link.each("visual"):
         kind, size = _geometry(visual)
-        if not kind or kind == "ellipsoid" or min(size) <= 0:
-            notes.on(visual, "is not shown: it is no box, cylinder, sphere or capsule with a size")
+        if not kind or min(size) <= 0:
+            notes.on(
+                visual,
+                "is not shown: it is no box, cylinder, sphere, capsule or ellipsoid with a size",
+            )
             continue
         material = visual.first("material")
         colour = material and material.inner("diffuse")
@@ -97,6 +100,8 @@ def shapes_of_link(scope: Scope, link: Element, notes: Notes) -> Iterator[Shape]
             yield visual.make(Box, size=tuple((2 * size).tolist()), **fields)
         elif kind == "sphere":
             yield visual.make(Sphere, radius=float(size[0]), **fields)
+        elif kind == "ellipsoid":
+            yield visual.make(Ellipsoid, radii=tuple(size.tolist()), **fields)
         else:
             made = Cylinder if kind == "cylinder" else Capsule
             yield visual.make(made, radius=float(size[0]), length=float(2 * size[1]), **fields)
