@@ -37,6 +37,9 @@ WINGS = {
     ),
     "masses of shapes": ("density",),
     "stops, contact, sticking": ("contact", "elastic", "impact", "sticking", "surfaces"),
+    "large mechanisms": (
+        *("articulated", "uncharted", "bound", "unit_directions", "partitioned", "tabled"),
+    ),
     "tool paths": ("following", "leading", "modes", "task", "tool_motion"),
 }
 """Modules of the core's packages that one needs for these only; they are counted apart."""
