@@ -250,3 +250,19 @@ def test_a_run_starts_at_the_turns_asked_for_and_tells_a_limit_where_it_is_passe
     assert "hinge_3 is below its lower limit -14 from t = 0" in told_of(
         passing, "limits passed", "joints at"
     )
+
+
+def test_forces_are_commands_of_the_descriptions_own_drives_on_request(tmp_path):
+    servo = {"type": "servo", "gain": 40.0, "bias_position": -40.0, "bias_rate": -8.0}
+    mechanism = lw.robots.pendulum()
+    name = mechanism.actuators[0]
+    described = mechanism.model_copy(update={"drives": {name: servo}})
+    described.save(tmp_path / "led.yaml")
+    simulated(tmp_path / "run.nc", "--drives", "--forces", "0.3", robot=tmp_path / "led.yaml")
+    robot = lw.Robot(described)
+    given = {"duration": 0.25, "save_at": np.linspace(0, 0.25, 6)}
+    expected = robot.simulate(robot.home, [0.3], drives=robot.drives, **given)
+    with xarray.open_dataset(tmp_path / "run.nc") as run:
+        np.testing.assert_allclose(run["actuator_force"], expected["actuator_force"], rtol=1e-12)
+    words = refused("simulate", "pendulum", "--duration", 1, "--drives")
+    assert "the description gives no drives" in words

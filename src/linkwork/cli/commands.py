@@ -213,6 +213,10 @@ def simulate(
             ),
         ),
     ] = None,
+    drives: Annotated[
+        bool,
+        typer.Option("--drives", help="Take forces as commands of the description's own drives."),
+    ] = False,
     controller: Annotated[
         str | None,
         typer.Option(
@@ -276,7 +280,7 @@ def simulate(
 
     # Where it starts, what acts, what is written, and how it is integrated.
     start = command.StartOptions(tool, joints, rates)
-    load = command.Load(forces, forces_csv, kind.value)
+    load = command.Load(forces, forces_csv, kind.value, drives)
     lead = command.Lead(controller, goal)
     target = command.Target(out, overwrite)
     target.check()

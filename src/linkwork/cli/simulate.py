@@ -16,6 +16,7 @@ from linkwork.cli.led import Lead, off_goal
 from linkwork.cli.source import Source
 from linkwork.cli.start import StartOptions
 from linkwork.cli.terminal import console, facts, named, patience, show_json, tidy
+from linkwork.control import Drive
 from linkwork.errors import LinkworkError
 from linkwork.model.labels import POSES
 from linkwork.robot import Motion, Robot
@@ -32,16 +33,23 @@ SAMPLES = 201  # of a path that a controller follows
 @dataclass(frozen=True)
 class Load:
     """Say what drives a run: constant forces, or a file of forces over time and how it is read
-    between its times."""
+    between its times; drives: whether these are the commands of the description's own drives."""
 
     constant: str | None
     file: Path | None
     kind: Literal["spline", "linear", "hold"]
+    drives: bool = False
 
     @property
     def given(self) -> bool:
         """Whether there is anything."""
         return self.constant is not None or self.file is not None
+
+    def own_drives(self, robot: Robot) -> dict[str, Drive]:
+        """Return the description's drives, where they are asked for."""
+        if self.drives and not robot.mechanism.drives:
+            raise LinkworkError("--drives: the description gives no drives; leave the option out")
+        return robot.drives if self.drives else {}
 
     def forces(self, robot: Robot) -> dict[str, float] | Sampled | None:
         """Return the actuator forces [N, N m]; none where nothing is said."""
@@ -118,7 +126,7 @@ def simulate(
                 state = goal.state.at(0)
             forces = lead.law(robot, goal)
     with patience("simulating"):
-        run = running.simulate(robot, state, forces, how)
+        run = running.simulate(robot, state, forces, how, drives=load.own_drives(robot))
         data = ending(robot, run, goal)
     # How it went, and where it is.
     if target.file is not None:

@@ -139,7 +139,8 @@ class ActuatorReader:
         if self.found.drives:
             self.notes.say(
                 f"{self.document.root.file}: the laws of actuators are the mechanism's drives; "
-                "given to a run (drives=robot.drives) they make forces of the file's controls"
+                "given to a run (drives=robot.drives, --drives) they make forces of the file's "
+                "controls"
             )
         self._note_bounds()
         return self.found

@@ -1,0 +1,72 @@
+"""Transmissions, drives and lifts in a description: what cannot be is refused with its place; what
+acts along a combination is what the same spring or motor does in one joint."""
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+
+ARM = """linkwork: 1
+bodies: {a: {mass: 1, centre_of_mass: [0.3, 0, 0], inertia: {xx: 0.01, yy: 0.02, zz: 0.03}}}
+joints: {j: {type: revolute, connects: [ground, a], axis: [0, 1, 0]%s}}
+actuators: [%s]
+%s
+"""
+
+
+@pytest.mark.parametrize(
+    ("more", "sentence"),
+    [
+        ("transmissions: {x: {type: sum, ratios: {k: 1}}}", "ratios: there is no coordinate 'k'"),
+        ("transmissions: {x: {type: sum, ratios: {j: 0}}}", "combines no coordinate"),
+        ("transmissions: {j: {type: sum, ratios: {j: 1}}}", "'j' is the name of a joint"),
+        ("transmissions: {x: {type: summ}}", "'summ' is not a type .did you mean sum"),
+        ("transmissions: {x: {type: thrust, body: a}}", "pushes nowhere; give a force"),
+        ("transmissions: {x: {type: thrust, body: b, force: [1, 0, 0]}}", "there is no body 'b'"),
+        ("drives: {j: {gain: 3}}", "drives.j.type: is missing; give the type of a drive"),
+        ("drives: {k: {type: servo}}", "there is no actuator 'k'"),
+        ("drives: {j: {type: servo, gane: 3}}", "drives.j.gane: .*did you mean gain"),
+        ("drives: {j: {type: servo, least_force: 3, largest_force: 1}}", "give the smaller one as"),
+        ("lifts: {x: {body: b, mass: 1}}", "lifts.x.body: there is no body 'b'"),
+    ],
+)
+def test_what_cannot_be_is_refused(more, sentence):
+    with pytest.raises(lw.MechanismError, match=sentence):
+        _ = lw.Robot(lw.Mechanism.parse(ARM % ("", "j", more))).drives
+
+
+def test_along_one_coordinate_they_are_what_a_joint_has():
+    """l = r q: stiffness r^2 k, rest l_0 / r, damping r^2 d, inertia r^2 J."""
+    r, k, rest, d, J = 1.5, 40.0, 0.3, 0.7, 0.2
+    own = f", spring: {{stiffness: {r**2 * k}, rest: {rest / r}, damping: {r**2 * d}}}"
+    joint = ARM % (f"{own}, rotor_inertia: {r**2 * J}", "j", "")
+    spring = f"spring: {{stiffness: {k}, rest: {rest}, damping: {d}}}, inertia: {J}"
+    line = ARM % ("", "x", f"transmissions: {{x: {{type: sum, ratios: {{j: {r}}}, {spring}}}}}")
+    one, two = (lw.Robot(lw.Mechanism.parse(text)) for text in (joint, line))
+    states = [robot.state([0.4], [-0.9]) for robot in (one, two)]
+    expected = one.forward_dynamics(states[0], [r * 2.0])
+    np.testing.assert_allclose(two.forward_dynamics(states[1], [2.0]), expected, rtol=1e-14)
+
+
+def test_a_slack_spring_has_no_force_within_its_range():
+    text = ARM % (
+        "",
+        "j",
+        "transmissions: {x: {type: sum, ratios: {j: 1}, spring: {stiffness: 10, "
+        "rest: 0.1, slack: 0.2}}}",
+    )
+    robot = lw.Robot(lw.Mechanism.parse(text))
+    forces = [float(robot.passive_forces(robot.state([q]))[0]) for q in (0.05, 0.2, 0.35)]
+    np.testing.assert_allclose(forces, [0.5, 0, -0.5], atol=1e-14)
+
+
+def test_a_description_with_them_comes_back_equal():
+    text = ARM % (
+        "",
+        "x",
+        "transmissions: {x: {type: cable, path: [{type: point, body: ground}, "
+        "{type: sphere, body: a, radius: 0.1}, {type: point, body: a, point: [1, 0, 0]}]}}"
+        "\ndrives: {x: {type: servo, gain: 2}}\nlifts: {y: {body: a, mass: 0.2}}",
+    )
+    mechanism = lw.Mechanism.parse(text)
+    assert lw.Mechanism.parse(mechanism.text) == mechanism
