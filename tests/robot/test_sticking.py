@@ -172,6 +172,40 @@ def test_a_block_on_a_slope_stays_or_slides(slope, sticks):
     close(run.dataset[name].values[-1], [expected, 0, 0, 0, 0, 0], 1e-8)
 
 
+def test_a_block_goes_round_with_a_turntable():
+    """What holds it turns with the table: seen from there it stays put, but for the bend."""
+    bristle, rate = lw.Bristle(stiffness=1e5, damping=2e2), 3.0
+    points = tuple((x, y, 0.0) for x in (-0.02, 0.02) for y in (-0.02, 0.02))
+    contact = lw.Contact(
+        connects=("table", "ball"),
+        surfaces=(lw.Plane(), lw.Points(points=points)),
+        stiffness=1e7,
+        dissipation=1.0,
+        friction=lw.Sliding(coefficient=0.4, bristle=bristle),
+    )
+    table = lw.Body(mass=1.0, inertia=lw.Inertia(xx=1e6, yy=1e6, zz=1e6))
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"table": table, "ball": BALL},
+            joints={
+                "turn": lw.RevoluteJoint(connects=("ground", "table")),
+                "f": lw.FreeJoint(connects=("ground", "ball")),
+            },
+            contacts={"foot": contact},
+        )
+    )
+    depth, radius = (m * g / 4e7) ** (1 / 1.5), 0.2
+    start = robot.state([0, radius, 0, -depth, 1, 0, 0, 0])
+    start = start.with_rates([rate, 0, rate * radius, 0, 0, 0, rate])
+    run = robot.simulate(start, **TIGHT, duration=1.0, save_at=np.array([0.5, 1.0]), method="rodas")
+    q = run.dataset["joint_position"].values
+    seen = (q[:, 1] + 1j * q[:, 2]) * np.exp(-1j * q[:, 0])
+    bend = rate**2 * radius / g / bristle.stiffness
+    close(seen.real, np.full(2, radius + bend), 1e-6)
+    close(seen.real[1] - seen.real[0], 0.0, 2e-8)
+    close(seen.imag, np.zeros(2), 2e-8)
+
+
 def test_a_ball_rolls_on_without_creeping():
     """v_0 / (1 + m h^2 / I) less to rolling, with no slip left."""
     friction = lw.Sliding(coefficient=0.2, bristle=lw.Bristle(stiffness=1e6, damping=1e3))
