@@ -131,7 +131,7 @@ class ToolAsked:
             return self.what
         return tuple(SWUNG_BY.get(str(item), item) for item in self.what)
 
-    @property
+    @cached_property
     def pointing(self) -> tuple[int, int] | None:
         """Return the places of an azimuth and a tilt that are both asked for."""
         return pointing_of(self.what)
@@ -173,10 +173,18 @@ class ToolAsked:
 
     @property
     def names(self) -> tuple[str, ...]:
+        return self._names
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
         return tuple(f"tool: {sentence_name(item)}" for item in self.held)
 
     @property
     def units(self) -> np.ndarray:
+        return self._units
+
+    @cached_property
+    def _units(self) -> np.ndarray:
         return np.where([is_length(item) for item in self.held], self.length, 1.0)
 
     @cached_property
@@ -189,7 +197,7 @@ class ToolAsked:
         """Return the places of rx, ry, rz where all of these are asked for."""
         return [self.what.index(n) for n in ROTATION] if whole_rotation(self.what) else None
 
-    @property
+    @cached_property
     def twist(self) -> list[int]:
         """Return the rows of the tool's twist [omega; v] that lead its coordinates, where each is
         led by one."""
@@ -246,6 +254,8 @@ class ToolAsked:
 
     def require_defined(self, J: np.ndarray) -> None:
         """Refuse coordinates that are not defined at a pose, by their rows (k, nv)."""
+        if np.isfinite(J).all():
+            return
         wrong = [item for item, row in zip(self.held, J, strict=True) if not np.isfinite(row).all()]
         if wrong:
             raise LinkworkError(

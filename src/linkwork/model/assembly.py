@@ -26,6 +26,7 @@ from linkwork.model.closing import MATRICES, Least
 
 OPEN_LOOPS = 1e-6  # gaps of loops, in the mechanism's own units, that no state of a robot has
 LEG_SINGULAR = 1e-9
+TOOL = ("position", "orientation", "angle", "J_tool", "bias_tool")
 EPS = np.finfo(float).eps
 
 
@@ -125,8 +126,8 @@ class Assembler:
 
 
 def stacked(out: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return outputs of one configuration as those of a stack of one."""
-    return {name: part[None] for name, part in out.items()}
+    """Return what outputs of one configuration tell of the tool as those of a stack of one."""
+    return {name: out[name][None] for name in TOOL}
 
 
 def refuse_leg_singular(shape: tuple[int, ...], values: np.ndarray, asked: ToolAsked) -> None:

@@ -259,5 +259,5 @@ def asked(robot: Model, tool: ArrayLike | Mapping[str, ArrayLike]) -> tuple[Tool
         values, told = checks.joined(tool, names, "tool"), asked_of(robot, len(names), names)
     else:
         values = np.atleast_1d(checks.finite(tool, "tool"))
-        told = asked_of(robot, values.shape[-1])
+        told = robot.once(asked_of, values.shape[-1])
     return told, told.given(values)
