@@ -106,6 +106,7 @@ class Scale:
         F = self.energy / x
         factors = {
             "viscous": F / (x / T), "coulomb": F, "coulomb_rate": x / T, "stiffness": F / x,
+            "static": F, "stribeck_rate": x / T,
             "rest": x, "damping": F / (x / T), "lower": x, "upper": x,
         }  # fmt: skip
         if key == "rotor_inertia":

@@ -222,7 +222,8 @@ def asked_of(robot: Model, size: int, what: Sequence[str] | None = None) -> Tool
         if size not in poses:
             raise LinkworkError(not_plain(robot))
     own = own or (mixed(robot) if size not in poses else ()) or ()
-    if size not in poses and own:
+    plain = [POSES[robot.planar][:count] for count in poses]
+    if size not in poses and own and labels(own) not in plain:
         raise LinkworkError(
             f"the tool is led in {', '.join(map(long_name, labels(own)))}: give {len(own)} "
             "numbers, a whole pose, or coordinates by name"
