@@ -12,6 +12,7 @@ from linkwork import LinkworkError, SingularError, analysis
 
 from tests.analysis.legs import ankle, crank_angle, knee
 from tests.catalogue import built
+from tests.processes import PATIENCE
 
 ANKLE = ("ankle.angle_1", "ankle.angle_2")
 POSES = np.random.default_rng(3).uniform(-0.25, 0.25, (12, 2))
@@ -163,7 +164,8 @@ def test_the_exported_c_gives_the_same_numbers(tmp_path):
     state = model.at(POSES[2]).with_rates([0.7, -0.4])
     source = model.write_c(tmp_path / "leg.c")
     library = tmp_path / "leg.so"
-    subprocess.run(["cc", "-O1", "-shared", "-fPIC", source, "-o", library, "-lm"], check=True)
+    command = ["cc", "-O1", "-shared", "-fPIC", source, "-o", library, "-lm"]
+    subprocess.run(command, check=True, timeout=PATIENCE)
     loaded = ctypes.CDLL(str(library))
 
     def call(name, *inputs, sizes):
