@@ -40,6 +40,8 @@ WINGS = {
     "large mechanisms": (
         *("articulated", "uncharted", "bound", "unit_directions", "partitioned", "tabled"),
     ),
+    "transmissions": ("cables", "transmissions"),
+    "charts met before": ("chart_margins", "known_charts"),
     "tool paths": ("following", "leading", "modes", "task", "tool_motion"),
 }
 """Modules of the core's packages that one needs for these only; they are counted apart."""
