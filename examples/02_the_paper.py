@@ -28,7 +28,7 @@ assert np.abs(found - wanted).max() < 1e-6
 
 # The equations as the paper prints them, in NumPy: the same accelerations.
 state = motion.state.at(100)
-book = lw.textbook.Textbook(robot.mechanism)
+book = lw.lab.textbook.Textbook(robot.mechanism)
 u = forces.values[100]
 q, rates = state.positions, state.rates
 printed = book.forward_dynamics(q, rates, u)

@@ -145,3 +145,15 @@ def test_the_shell_is_told_what_may_follow():
     env = {**os.environ, **asked, "COMP_WORDS": "linkwork info prr"}
     told = finished("-m", "linkwork", env=env).stdout
     assert told.split() == ["prr3"]
+
+
+def test_a_way_without_slope_is_told_in_words():
+    """The Tripteron's determinants are constant: no way of its tool leads to where they vanish."""
+    assert "inf" not in (said := call("analyse", "tripteron", "singularities").stdout)
+    assert len(re.findall(r"way to kind I+ +none to first order", said)) == 2
+
+
+def test_a_way_with_a_slope_is_told_as_a_length_or_an_angle():
+    said = call("analyse", "delta", "singularities").stdout
+    assert re.search(r"way to kind II +0\.\d+ m of the tool, to first order", said)
+    assert re.search(r"way to kind I +0\.\d+ rad of the actuators, to first order", said)

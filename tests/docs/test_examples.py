@@ -12,6 +12,8 @@ from typer.testing import CliRunner
 import linkwork as lw
 from linkwork.cli import app
 
+pytestmark = pytest.mark.filterwarnings("error:.* is .* now$:DeprecationWarning")
+
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```", re.S | re.M)

@@ -9,6 +9,8 @@ import pytest
 
 from tests.docs.test_catalogue_page import script
 
+pytestmark = pytest.mark.filterwarnings("error:.* is .* now$:DeprecationWarning")
+
 gallery = script("gallery")
 EXAMPLES = gallery.examples()
 

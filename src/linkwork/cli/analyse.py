@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from linkwork.cli.group import Subcommands
 from linkwork.cli.options import (
     Floating,
     Forces,
@@ -22,6 +23,7 @@ from linkwork.cli.options import (
 from linkwork.cli.source import Source
 
 analyse = typer.Typer(
+    cls=Subcommands,
     no_args_is_help=True,
     help="Study a robot: branches, singularities, workspace, small motions, statics.",
 )

@@ -4,11 +4,12 @@ sentence."""
 import inspect
 import sys
 import traceback
-from typing import Any
+from typing import Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
 
+from linkwork.cli import usage
 from linkwork.cli.caveats import STRICT, told
 from linkwork.errors import LinkworkError
 
@@ -25,12 +26,26 @@ MEANT = {
 }
 
 
-class CommandGroup(TyperGroup):
+class Subcommands(TyperGroup):
+    """Hold commands; one that is not there is refused with the nearest."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        known = self.get_command(ctx, args[0]) is not None
+        if not (known or ctx.resilient_parsing or args[0].startswith("-")):
+            raise LinkworkError(usage.no_command(args[0], ctx))
+        return super().resolve_command(ctx, args)
+
+
+class CommandGroup(Subcommands):
     """Turn refusals into one sentence, and let `--debug` and `--strict` stand anywhere."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         anywhere = [flag for flag in (DEBUG, STRICT) if flag in args]
-        return super().parse_args(ctx, [*anywhere, *(arg for arg in args if arg not in anywhere)])
+        words = [*anywhere, *(arg for arg in args if arg not in anywhere)]
+        try:
+            return super().parse_args(ctx, words)
+        except usage.UsageError as error:
+            refuse(error)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         if args[0] in MEANT:
@@ -43,16 +58,25 @@ class CommandGroup(TyperGroup):
                 return super().invoke(ctx)
         except BrokenPipeError:
             raise
-        except (LinkworkError, OSError) as error:
-            if ctx.params["debug"]:
-                traceback.print_exc()
-            else:
-                print(f"linkwork: {sentence(error)}", file=sys.stderr)
-            raise typer.Exit(REFUSED) from None
+        except (LinkworkError, OSError, usage.UsageError) as error:
+            refuse(error, ctx.params["debug"])
+
+
+def refuse(error: Exception, debug: bool = False) -> NoReturn:
+    """Print a refusal as one sentence, or where it was raised, and leave."""
+    if usage.asks_for_help(error):
+        raise error
+    if debug:
+        traceback.print_exception(error)
+    else:
+        print(f"linkwork: {sentence(error)}", file=sys.stderr)
+    raise typer.Exit(REFUSED) from None
 
 
 def sentence(error: Exception) -> str:
     """Return a refusal as one line."""
+    if isinstance(error, usage.UsageError):
+        return " ".join(usage.sentence(error).split())
     if isinstance(error, OSError) and error.strerror:
         place = f"{error.filename}: " if error.filename else ""
         return f"{place}{error.strerror.lower()}"

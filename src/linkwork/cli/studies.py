@@ -38,6 +38,7 @@ MODES_TOLD = ("sure", "missing", "starts", "converged", "what", "asked", "hits",
 LINEAR_TOLD = ("states", "inputs", "outputs", "A", "B", "C", "D", "poles", "controllable")
 NATURAL_TOLD = ("frequencies", "shapes", "stable", "independent")
 IDENTIFIED_TOLD = ("names", "values", "deviations", "described", "condition")
+FAR = 1e9  # times the robot's size, or rad: from there on a slope is rounding
 PICTURES = (".svg", ".pdf", ".png")
 
 
@@ -169,6 +170,7 @@ def singularities(
             ("free motion", ", ".join(f"{label} {value:.4g}" for label, value in told.tool.items()))
         )
     elif near is not None:
+        unit = near.actuator_distance.attrs["units"]
         rows += [
             (
                 "det A, det B",
@@ -181,16 +183,19 @@ def singularities(
                     f"{near.attrs['characteristic_length']:.4g} m"
                 ),
             ),
-            ("way to kind II", f"{float(near.tool_distance):.4g} m of the tool, to first order"),
-            (
-                "way to kind I",
-                (
-                    f"{float(near.actuator_distance):.4g} "
-                    f"{near.actuator_distance.attrs['units']} of the actuators"
-                ),
-            ),
+            ("way to kind II", way(near, "tool_distance", "m of the tool")),
+            ("way to kind I", way(near, "actuator_distance", f"{unit} of the actuators")),
         ]
     console().print(facts(rows))
+
+
+def way(near: xarray.Dataset, name: str, of: str) -> str:
+    """Return in words how far a singular configuration is to first order."""
+    distance = float(near[name])
+    size = 1.0 if of.startswith("rad") else near.attrs["characteristic_length"]
+    if distance > FAR * size:
+        return "none to first order: its determinant has no slope here"
+    return f"{distance:.4g} {of}, to first order"
 
 
 def workspace(
