@@ -22,6 +22,7 @@ from linkwork.control.observation import expression
 from linkwork.equations import Equations
 from linkwork.equations.powers import contact_terms, power_terms
 
+DIRECTION = "d"  # the input of a derivative along a direction
 WRITTEN_OUT = 50_000
 """Columns of a Jacobian times instructions of the motion up to which it is one straight-line
 program."""
@@ -150,8 +151,12 @@ class Joined:
         given = ca.vertcat(*state)
         d = ca.SX.sym("d", given.numel())
         along = ca.densify(ca.jtimes(ca.densify(self.derivatives), given, d))
-        names = [*self.inputs, "d"]
+        names = [*self.inputs, DIRECTION]
         return ca.Function("tangent", [*state, p, d], [along], names, ["along"], {"cse": True})
+
+    def derivative(self) -> ca.Function:
+        """Return `tangent` where the Jacobian is large, else `jacobian`."""
+        return self.tangent() if self.large else self.jacobian()
 
     @cached_property
     def large(self) -> bool:

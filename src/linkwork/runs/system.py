@@ -21,7 +21,7 @@ from linkwork.control.acting import Acting
 from linkwork.control.continued import Followed
 from linkwork.control.drives import Drive, Extra
 from linkwork.control.events import Event
-from linkwork.control.joined import Joined
+from linkwork.control.joined import DIRECTION, Joined
 from linkwork.control.kept_traces import acting_once
 from linkwork.control.sampler import Sampler
 from linkwork.control.tracing import CONTROLLER, Reference, ordered
@@ -123,7 +123,7 @@ class System:
         return np.concatenate((chart.p, self.parameters)) if self.parameters.size else chart.p
 
     def kernel(self, chart: CompiledChart, name: str) -> Kernel:
-        """Return a kernel of `Joined` in a chart: motion, jacobian, tangent, events, held ..."""
+        """Return a kernel of `Joined` in a chart: motion, derivative, events, held ..."""
         if self.acting is None:
             return chart.kernel(name)
         return chart.compiled(
@@ -138,9 +138,9 @@ class System:
 
     def jacobian(self, chart: CompiledChart) -> int:
         """Return the address of void(const double *in, double *out): df/dy and df/dr by columns."""
-        if self.joined(chart).large:
-            return self.kernel(chart, "tangent").columns_address
-        return self.kernel(chart, "jacobian").address
+        kernel = self.kernel(chart, "derivative")
+        directed, _ = kernel.inputs[-1]
+        return kernel.columns_address if directed == DIRECTION else kernel.address
 
     def control(self, chart: CompiledChart, before: Control | None = None) -> Control | None:
         """Return the sampled controller in a chart, if there is one.
