@@ -24,7 +24,7 @@ from linkwork.scene.meshes import piece_of
 from linkwork.viewer.fixtures import Fixture, Stretch, fixtures_of
 from linkwork.viewer.layout import PartLayout, of_mesh, product, quaternions, turned_by
 from linkwork.viewer.pursuit import Pursuit
-from linkwork.viewer.stage import lowest
+from linkwork.viewer.stage import heights
 
 SOME = ("stewart", "prr3", "delta", "andrews", "bennett", "flyball_governor", "agile_wrist", "rpr3")
 
@@ -143,7 +143,7 @@ def test_shapes_are_shown_instead_of_bars_and_enclose_what_pictures_show():
     ] * 4
 
 
-def test_the_lowest_point_is_that_of_what_is_shown():
+def test_the_lowest_and_the_highest_point_are_those_of_what_is_shown():
     block = Box(size=(0.2, 0.2, 6.0), frame=Frame(position=(0.0, 0.0, 1.0)))
     plate = Polygon(points=((0, 0), (0.1, 0), (0, 0.1)), thickness=0.1)  # its mesh is not scaled
     body = Body(mass=1.0, shapes=(block, plate))
@@ -151,4 +151,5 @@ def test_the_lowest_point_is_that_of_what_is_shown():
         Mechanism(bodies={"arm": body}, joints={"hinge": RevoluteJoint(connects=("ground", "arm"))})
     )
     parts = fixtures_of(robot)
-    assert lowest(parts.parts, PartLayout(robot, parts).place(robot.home)) == pytest.approx(-2.0)
+    found = heights(parts.parts, PartLayout(robot, parts).place(robot.home))
+    assert found == pytest.approx((-2.0, 4.0))

@@ -153,6 +153,40 @@ def test_a_run_plays_to_its_end(chromium, viewer):
     browser.page.close()
 
 
+def test_cameras_names_frames_and_the_trail_are_shown_on_request(chromium, viewer, robot):
+    home(viewer)
+    browser = Browser(chromium, viewer)
+    camera, centre = browser.client.camera, viewer.session.parts.centre
+    browser.page.get_by_role("tab", name="Show").click()
+    for name, towards in (("xz", (0, -1, 0)), ("xy", (0, 0, 1))):
+        browser.page.get_by_role("button", name=name, exact=True).click()
+        until(lambda t=towards: np.allclose(direction(camera), t, atol=0.01))
+        assert camera.look_at == pytest.approx(centre, abs=1e-3)
+    until(
+        lambda: on_screen(camera, centre + 0.1 * np.eye(3)[0])[0] - on_screen(camera, centre)[0] > 5
+    )
+    for label in ("Names of joints", "Frames of bodies", "Trail of the tool", "Camera follows"):
+        browser.page.get_by_label(label).check()
+    until(lambda: viewer.session.trailing and len(viewer.stage.marks) == 2)
+    out = viewer.session.view().tool
+    viewer.post(lambda: viewer.session.drag(out[0] + (0.05, 0.03, 0), out[1]))
+    until(lambda: np.linalg.norm(tool(viewer)[:2] - out[0][:2]) > 0.05)
+    until(lambda: np.allclose(camera.look_at, viewer.session.view().tool[0], atol=1e-3))
+    assert direction(camera) == pytest.approx([0, 0, 1], abs=0.01)
+    until(lambda: viewer.stage.trail.visible)
+    for label in ("Names of joints", "Frames of bodies", "Trail of the tool", "Camera follows"):
+        browser.page.get_by_label(label).uncheck()
+    until(lambda: not viewer.stage.marks and not viewer.stage.trail.visible)
+    assert browser.wrong == []
+    browser.page.close()
+
+
+def direction(camera) -> np.ndarray:
+    """Return the direction from what a camera looks at towards it."""
+    arm = camera.position - camera.look_at
+    return arm / np.linalg.norm(arm)
+
+
 KNOCK = """([url, version]) => new Promise(answer => {
     const socket = new WebSocket(url, version);
     socket.onopen = () => answer("open");
@@ -203,6 +237,9 @@ def test_names_with_markup_are_text(chromium):
     with Viewer(Robot(Mechanism.model_validate_json(text))) as viewer:
         browser = Browser(chromium, viewer)
         assert EVIL in browser.text()
+        browser.page.get_by_role("tab", name="Show").click()
+        browser.page.get_by_label("Names of joints").check()
+        until(lambda: viewer.stage.marks)
         viewer.simulate("constant forces", {EVIL: 1.0}, 0.1)
         until(lambda: viewer.session.playable)
         browser.page.get_by_role("tab", name="Run").click()

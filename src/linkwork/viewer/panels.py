@@ -15,7 +15,9 @@ from viser import uplot
 
 from linkwork.scene.colours import INK
 from linkwork.simulation import Run
+from linkwork.viewer.cameras import CAMERAS
 from linkwork.viewer.conditioning import colour
+from linkwork.viewer.marks import FRAMES, NAMES
 from linkwork.viewer.player import SPEEDS
 from linkwork.viewer.session import KINDS, Session, View
 from linkwork.viewer.simulating import CONTROLLERS
@@ -36,6 +38,7 @@ class Desk(Protocol):
     def find_branches(self, same: str) -> None: ...
     def show_branch(self, index: int) -> None: ...
     def simulate(self, controller: str, forces: dict[str, float], duration: float) -> None: ...
+    def look(self, client: viser.ClientHandle, name: str) -> None: ...
 
 
 class Panels:
@@ -209,7 +212,24 @@ class Panels:
     # What is shown
 
     def _add_choices(self) -> None:
-        self.kinds = {kind: self.gui.add_checkbox(kind.capitalize(), False) for kind in KINDS}
+        cameras = self.gui.add_button_group("Camera", CAMERAS, hint="From where it is seen")
+        cameras.on_click(lambda event: self._look(event.client, str(cameras.value)))
+        tools = bool(self.session.robot.mechanism.tools)
+        self.followed = self.gui.add_checkbox(
+            "Camera follows",
+            False,
+            hint=f"Keep the {'tool' if tools else 'first body'} in the middle",
+        )
+        self.followed.on_update(self._by_hand(lambda: self._post(lambda: None)))
+        self.trail = self.gui.add_checkbox(
+            "Trail of the tool", False, hint="Where it was in the run so far, or was led by hand"
+        )
+        self.trail.visible = tools
+        self.trail.on_update(self._by_hand(lambda: self._post(self._choose)))
+        self.kinds = {
+            kind: self.gui.add_checkbox(kind.capitalize(), False)
+            for kind in (*KINDS, *NAMES, *FRAMES)
+        }
         for box in self.kinds.values():
             box.on_update(self._by_hand(lambda: self._post(self._choose)))
         self.coloured = self.gui.add_checkbox(
@@ -219,8 +239,13 @@ class Panels:
         )
         self.coloured.on_update(self._by_hand(lambda: self._post(lambda: None)))
 
+    def _look(self, client: viser.ClientHandle | None, name: str) -> None:
+        if client is not None:
+            self.desk.look(client, name)
+
     def _choose(self) -> None:
         self.session.shown = frozenset(kind for kind, box in self.kinds.items() if box.value)
+        self.session.trailing = bool(self.trail.value)
 
     # What changes
 

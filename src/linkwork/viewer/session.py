@@ -22,9 +22,11 @@ from linkwork.viewer.arrows import NOTHING, ArrowField, ArrowLines, Arrows, draw
 from linkwork.viewer.fixtures import Fixtures, fixtures_of
 from linkwork.viewer.hand_goals import HandGoal
 from linkwork.viewer.layout import PartLayout, Placement
+from linkwork.viewer.marks import BodyMarks, Marks, marks_of
 from linkwork.viewer.player import Player
 from linkwork.viewer.pursuit import Pursuit
 from linkwork.viewer.replay import Replay, replay_of
+from linkwork.viewer.trail import HandTrail, RunTrail, segments, tool_points
 
 KINDS = ("actuator forces", "joint reactions", "velocities")
 SAMPLED = 25  # states of a run at which the largest reactions and velocities are looked for
@@ -36,7 +38,9 @@ class View:
 
     placement: where all parts are; tool: position (3) [m] and orientation (3, 3) of the tool, or
         None
-    arrows: by kind, those that are shown; conditioning: 0 to 1; closure: largest |phi| [m, rad]
+    arrows, marks: by kind, those that are shown; trail: lines (s, 2, 3) where the tools were [m],
+        none where it is not shown; focus: the tool, or what the camera follows (3) [m]
+    conditioning: 0 to 1; closure: largest |phi| [m, rad]
     coordinates: of all joints by name [m, rad]; forces: of the actuators by name [N, N m], or None
         where none are defined
     time: of the run [s], or None while posing; notice: one sentence on what stands in the way, or
@@ -46,6 +50,9 @@ class View:
     placement: Placement
     tool: tuple[np.ndarray, np.ndarray] | None
     arrows: Mapping[str, ArrowLines]
+    marks: Mapping[str, Marks]
+    trail: np.ndarray
+    focus: np.ndarray
     conditioning: float
     closure: float
     coordinates: Mapping[str, float]
@@ -58,10 +65,11 @@ class View:
 class Session:
     """Hold the present state of what is shown; all its methods belong to one thread.
 
-    state: what is shown; goal: what is wanted of it, if anything; replay, player: the run and where
-        it stands
-    following: whether the state is that of the run; shown: kinds of arrows; notice: one sentence on
-        what stands in the way
+    state: what is shown; goal: what is wanted of it, if anything; replay, path, player: the run,
+        where it leads the tools, and where it stands
+    following: whether the state is that of the run; shown: kinds of arrows, names and frames;
+        trailing: whether the tools' trail is
+    led: where a hand has led the tools; notice: one sentence on what stands in the way
     largest: magnitudes of straight and of turning arrows, by kind, that are drawn in full along the
         run
     """
@@ -70,9 +78,12 @@ class Session:
     state: State = field(init=False)
     goal: HandGoal | None = None
     replay: Replay | None = None
+    path: RunTrail | None = None
     player: Player = field(default_factory=Player)
     following: bool = False
     shown: frozenset[str] = frozenset()
+    trailing: bool = False
+    led: HandTrail = field(default_factory=HandTrail)
     notice: str = ""
     largest: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
@@ -96,6 +107,10 @@ class Session:
     @cached_property
     def vectors(self) -> ArrowField:
         return ArrowField.of(self.robot, self.parts.size)
+
+    @cached_property
+    def marks(self) -> dict[str, BodyMarks]:
+        return marks_of(self.robot)
 
     @cached_property
     def sliders(self) -> dict[str, tuple[float, float]]:
@@ -139,6 +154,7 @@ class Session:
         """Show a state of this robot, at rest."""
         self.pose_by_hand()
         self.state, self.goal, self.notice = self.robot.own(state), None, notice
+        self.led = HandTrail()
 
     def load(self, run: Run) -> None:
         """Show a run of this robot from its start.
@@ -147,7 +163,7 @@ class Session:
             LinkworkError: the run is not one of this robot.
         """
         replay = replay_of(self.pursuit, run)
-        self.replay, self.goal = replay, None
+        self.replay, self.goal, self.path = replay, None, RunTrail(replay)
         if replay.empty:
             self.player, self.notice = (
                 Player(),
@@ -168,6 +184,8 @@ class Session:
 
     def pose_by_hand(self) -> None:
         """Stop playing; what is shown stays where it is, at rest."""
+        if self.following:
+            self.led = HandTrail()
         self.player, self.following = replace(self.player, playing=False), False
         self.state = self.state.with_rates(np.zeros(self.robot.mobility))
 
@@ -199,6 +217,7 @@ class Session:
     def advance(self, seconds: float) -> bool:
         """Let time pass; return whether anything moved."""
         if self.goal is not None:
+            self.led.add(tool_points(self.robot, self.state))
             reached = self.pursuit.step(self.state, self.goal)
             self.notice, self.state = reached.obstacle, reached.state
             if reached.arrived or reached.obstacle:
@@ -227,10 +246,16 @@ class Session:
             else None
         )
         u = self.forces()
+        poses = {GROUND: (np.zeros(3), np.eye(3)), **robot.body_poses(state)}
         return View(
             placement=self.layout.place(state),
             tool=tool,
             arrows={kind: self.arrows(kind, u) for kind in KINDS if kind in self.shown},
+            marks={
+                kind: marks.at(poses) for kind, marks in self.marks.items() if kind in self.shown
+            },
+            trail=self.trail() if self.trailing else np.empty((0, 2, 3)),
+            focus=poses[robot.bodies[0]][0] if tool is None else tool[0],
             conditioning=float(conditioning(robot, state.q[None])[0]),
             closure=float(np.abs(out["phi"]).max(initial=0.0)),
             coordinates=dict(zip(robot.coordinates, state.positions.tolist(), strict=True)),
@@ -238,6 +263,14 @@ class Session:
             time=self.player.time if self.following else None,
             notice=self.notice,
         )
+
+    def trail(self) -> np.ndarray:
+        """Return the lines (s, 2, 3) along which the tools came here [m]: those of the run so far,
+        or of the hand."""
+        here = tool_points(self.robot, self.state)
+        if self.following and self.path is not None:
+            return segments(self.path.until(self.player.time), here)
+        return segments(np.array(self.led.points), here)
 
     def base(self) -> tuple[np.ndarray, np.ndarray]:
         """Return p_0B (3) [m] and R_0B (3, 3) of what the tool's pose is relative to."""

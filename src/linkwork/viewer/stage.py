@@ -11,12 +11,13 @@ import numpy as np
 import viser
 
 from linkwork.mechanism import GROUND
-from linkwork.robot import Robot
-from linkwork.scene.colours import GREEN, rgb
+from linkwork.scene.colours import GREEN, ORANGE, rgb
 from linkwork.viewer.arrows import ArrowLines
+from linkwork.viewer.cameras import FIELD_OF_VIEW, camera, distance, follow, look, outlook
 from linkwork.viewer.conditioning import colour
 from linkwork.viewer.fixtures import Fixture
 from linkwork.viewer.layout import Placement, of_mesh, quaternions, turned_by
+from linkwork.viewer.marks import FRAMES, Marks, written
 from linkwork.viewer.session import Session
 
 ARROWS = {
@@ -39,7 +40,8 @@ SKY, EARTH, LIGHT = (
     (150, 150, 160),
     1.0,
 )  # light from all around: reflections and shadows cost too much
-FIELD_OF_VIEW = np.radians(40)
+TRAIL = 2.5  # width of the tools' trail [pixels]
+AXIS, AXIS_RADIUS = 0.09, 0.0025  # of frames, relative to the mechanism
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +60,11 @@ class Batch:
 
 
 class BrowserStage:
-    """Show one robot in the scene of a server."""
+    """Show one robot in the scene of a server.
+
+    lift: by which the trail and the frames of a planar mechanism are raised, to lie on its plates
+        and not in them (3) [m]
+    """
 
     def __init__(self, server: viser.ViserServer, session: Session):
         self.server, self.robot, self.parts = server, session.robot, session.parts
@@ -72,6 +78,11 @@ class BrowserStage:
             self._add_handle(session.pursuit.turns) if self.robot.mechanism.tools else None
         )
         self.arrows: dict[str, tuple[Any, Any]] = {}
+        self.marks: dict[str, list[Any]] = {}
+        self.lift = (
+            np.array([0.0, 0.0, heights(self.parts.parts, placement)[1]]) * self.robot.planar
+        )
+        self.trail = self._add_trail()
         self.shade: tuple[int, int, int] | None = None
         self._furnish(placement)
 
@@ -114,13 +125,13 @@ class BrowserStage:
     def _furnish(self, placement: Placement) -> None:
         """Set the ground, the direction that is up, and where the camera starts."""
         size, centre = self.parts.size, self.parts.centre
-        scene, camera = self.server.scene, self.server.initial_camera
+        scene, start = self.server.scene, self.server.initial_camera
         up, towards = outlook(self.robot)
         scene.set_up_direction(tuple(up))
         scene.configure_environment_map(None)
         scene.configure_default_lights(cast_shadow=False)
         scene.add_light_hemisphere("/light", sky_color=SKY, ground_color=EARTH, intensity=LIGHT)
-        low = lowest(self.parts.parts, placement)
+        low, _ = heights(self.parts.parts, placement)
         scene.add_grid(
             "/grid",
             width=GRID_CELLS * size / 5,
@@ -132,11 +143,10 @@ class BrowserStage:
             section_color=(200, 206, 212),
             position=(centre[0], centre[1], low),
         )
-        distance = 0.75 * size / np.tan(FIELD_OF_VIEW / 2)
-        camera.fov = FIELD_OF_VIEW
-        camera.up, camera.look_at = up, centre
-        camera.position = centre + distance * towards
-        camera.near, camera.far = size / 100, 100 * size
+        start.fov = FIELD_OF_VIEW
+        start.up, start.look_at = up, centre
+        start.position = centre + distance(size) * towards
+        start.near, start.far = size / 100, 100 * size
 
     # What changes
 
@@ -179,6 +189,72 @@ class BrowserStage:
                 if len(points):
                     node.points = points.astype(np.float32)
 
+    def trace(self, lines: np.ndarray) -> None:
+        """Show the tools' trail as these lines (s, 2, 3); none hide it."""
+        self.trail.visible = len(lines) > 0
+        if len(lines):
+            self.trail.points = lines.astype(np.float32)
+
+    def _add_trail(self) -> Any:
+        return self.server.scene.add_line_segments(
+            "/trail",
+            np.zeros((1, 2, 3), np.float32),
+            rgb(ORANGE),
+            thickness=TRAIL,
+            thickness_units="screen",
+            position=self.lift,
+            visible=False,
+        )
+
+    def mark(self, shown: Mapping[str, Marks]) -> None:
+        """Show these names and frames, by kind, and no others."""
+        for kind in [kind for kind in self.marks if kind not in shown]:
+            for node in self.marks.pop(kind):
+                node.remove()
+        for kind, marks in shown.items():
+            if kind not in self.marks:
+                add = self._add_frames if kind in FRAMES else self._add_names
+                self.marks[kind] = add(kind, marks)
+            if kind in FRAMES:
+                (axes,) = self.marks[kind]
+                axes.batched_positions = marks.positions
+                axes.batched_wxyzs = quaternions(marks.turns)
+                continue
+            texts = written(marks, self.parts.size)
+            for node, text, place in zip(self.marks[kind], texts, marks.positions, strict=True):
+                node.visible, node.position = bool(text), place
+                if text and node.text != text:
+                    node.text = text
+
+    def _add_frames(self, kind: str, marks: Marks) -> list[Any]:
+        axes = self.server.scene.add_batched_axes(
+            f"/marks/{kind}",
+            quaternions(marks.turns),
+            marks.positions,
+            axes_length=AXIS * self.parts.size,
+            axes_radius=AXIS_RADIUS * self.parts.size,
+            position=self.lift,
+        )
+        return [axes]
+
+    def _add_names(self, kind: str, marks: Marks) -> list[Any]:
+        anchor = "bottom-left" if kind == "names of joints" else "top-left"  # above, below
+        return [
+            self.server.scene.add_label(f"/marks/{kind}/{k}", name, anchor=anchor)
+            for k, name in enumerate(marks.names)
+        ]
+
+    def look(self, client: viser.ClientHandle, name: str, centre: np.ndarray | None) -> None:
+        """Let one browser look from one of `CAMERAS`, at a point (3) [m] or at the mechanism's
+        middle."""
+        up, towards = camera(name, self.robot)
+        middle = self.parts.centre if centre is None else centre
+        look(client, middle, up, distance(self.parts.size) * towards)
+
+    def follow(self, centre: np.ndarray) -> None:
+        """Keep a point (3) [m] in the middle of all browsers."""
+        follow(self.server.get_clients(), centre)
+
     def _add_arrows(self, kind: str) -> tuple[Any, Any]:
         size, nothing = self.parts.size, np.zeros((1, 2, 3), np.float32)
         nodes = self.server.scene.add_arrows(
@@ -196,31 +272,12 @@ class BrowserStage:
         return nodes, arcs
 
 
-def lowest(parts: Sequence[Fixture], placement: Placement) -> float:
-    """Return the height [m] of the lowest point of parts."""
-    return min(
-        float((position + turned_by(turn[None], part.mesh.vertices * scale))[:, 2].min())
+def heights(parts: Sequence[Fixture], placement: Placement) -> tuple[float, float]:
+    """Return the heights [m] of the lowest and of the highest point of parts."""
+    each = [
+        (position + turned_by(turn[None], part.mesh.vertices * scale))[:, 2]
         for part, position, turn, scale in zip(
             parts, placement.positions, placement.turns, placement.scales, strict=True
         )
-    )
-
-
-def outlook(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
-    """Return the directions that are up and towards the viewer; a planar mechanism is seen along
-    z."""
-    gravity = np.array(robot.mechanism.gravity)
-    if robot.planar:
-        flat = -gravity * (1, 1, 0)
-        up = flat / np.linalg.norm(flat) if np.linalg.norm(flat) > 0 else np.array([0.0, 1.0, 0.0])
-        towards = np.array([0.0, 0.0, 1.0]) - 0.35 * up
-    else:
-        up = (
-            -gravity / np.linalg.norm(gravity)
-            if np.linalg.norm(gravity) > 0
-            else np.array([0.0, 0.0, 1.0])
-        )
-        side = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-        front = np.cross(side, up)
-        towards = 0.8 * front + 0.55 * side + 0.5 * up
-    return up, towards / np.linalg.norm(towards)
+    ]
+    return min(float(z.min()) for z in each), max(float(z.max()) for z in each)

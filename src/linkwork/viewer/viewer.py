@@ -8,7 +8,7 @@ import traceback
 from collections.abc import Callable
 from threading import Event, Thread
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,9 @@ from linkwork.simulation import Run
 from linkwork.viewer.access import LOOPBACK, serve
 from linkwork.viewer.mailbox import Mailbox
 from linkwork.viewer.session import Session
+
+if TYPE_CHECKING:
+    from viser import ClientHandle
 
 FRAME, IDLE = (
     1 / 30,
@@ -144,6 +147,15 @@ class Viewer:
             lambda: self.session.show(self.branches[index]) if index < len(self.branches) else None
         )
 
+    def look(self, client: ClientHandle, name: str) -> None:
+        """Let one browser look from one of `cameras.CAMERAS`."""
+
+        def turn() -> None:
+            followed = self.panels.followed.value
+            self.stage.look(client, name, self.session.view().focus if followed else None)
+
+        self.post(turn)
+
     def simulate(self, controller: str, forces: dict[str, float], duration: float) -> None:
         """Simulate from the present pose and play the run."""
         self.post(lambda: self._work("simulating", self._run_of(controller, forces, duration)))
@@ -241,6 +253,10 @@ class Viewer:
         with self.server.atomic():
             self.stage.show(view.placement)
             self.stage.draw(view.arrows)
+            self.stage.mark(view.marks)
+            self.stage.trace(view.trail)
+            if self.panels.followed.value and not self.held:
+                self.stage.follow(view.focus)
             self.stage.paint(view.conditioning if self.panels.coloured.value else None)
             if view.tool is not None and not self.held:
                 self.stage.hold(view.tool)

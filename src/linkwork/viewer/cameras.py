@@ -1,0 +1,73 @@
+"""From where the robot is seen: views along axes and between them, which a browser goes to.
+
+In xy and xz the first axis leads to the right and the second one upwards. The isometric view makes
+equal angles with all axes; what is up in it is up in the mechanism.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import viser
+
+from linkwork.robot import Robot
+
+CAMERAS = ("iso", "xy", "xz", "yz")
+FIELD_OF_VIEW = np.radians(40)
+AXES = dict(zip("xyz", np.eye(3), strict=True))
+
+
+def upwards(robot: Robot) -> np.ndarray:
+    """Return the unit vector that is up: against gravity, in the plane of a planar mechanism;
+    without gravity y in the plane and z in space."""
+    up = -np.array(robot.mechanism.gravity) * ((1, 1, 0) if robot.planar else (1, 1, 1))
+    if np.linalg.norm(up) > 0:
+        return up / np.linalg.norm(up)
+    return AXES["y" if robot.planar else "z"]
+
+
+def sideways(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return directions to the right and to the front that go with what is up."""
+    side = AXES["x"] if abs(up[0]) < 0.9 else AXES["y"]
+    return side, np.cross(side, up)
+
+
+def outlook(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
+    """Return the directions that are up and towards the viewer when a page is opened; a planar
+    mechanism is seen along z."""
+    up = upwards(robot)
+    side, front = sideways(up)
+    towards = AXES["z"] - 0.35 * up if robot.planar else 0.8 * front + 0.55 * side + 0.5 * up
+    return up, towards / np.linalg.norm(towards)
+
+
+def camera(name: str, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
+    """Return the directions that are up and towards the viewer of one of `CAMERAS`."""
+    if name == "iso":
+        up = upwards(robot)
+        towards = sum(sideways(up), up)
+        return up, towards / np.linalg.norm(towards)
+    right, up = (AXES[letter] for letter in name)
+    return up, np.cross(right, up)
+
+
+def distance(size: float) -> float:
+    """Return how far away a mechanism of a size [m] is seen whole."""
+    return 0.75 * size / np.tan(FIELD_OF_VIEW / 2)
+
+
+def look(client: viser.ClientHandle, centre: np.ndarray, up: np.ndarray, arm: np.ndarray) -> None:
+    """Let one browser look at a point (3) [m] from this arm (3) [m] away."""
+    with client.atomic():
+        client.camera.up_direction = up
+        client.camera.position = centre + arm
+        client.camera.look_at = centre
+
+
+def follow(clients: Mapping[int, viser.ClientHandle], centre: np.ndarray) -> None:
+    """Keep a point (3) [m] in the middle of all browsers; each looks from where it looked."""
+    for client in clients.values():
+        with client.atomic():
+            client.camera.position = centre + client.camera.position - client.camera.look_at
+            client.camera.look_at = centre
