@@ -43,10 +43,13 @@ def test_replicas_are_mujocos(tmp_path):
     assert compared(path, tmp_path) < 1e-12
 
 
-def test_numbers_have_as_many_digits_as_the_last(tmp_path):
+@pytest.mark.parametrize("count", [9, 10, 11])
+def test_numbers_have_as_many_digits_as_their_count(count, tmp_path):
     path = tmp_path / "row.xml"
-    path.write_text(ROW.format(count=11))
-    assert {"b-00", "b-10", "c0-09"} <= {*load(path).mechanism.bodies}
+    path.write_text(ROW.format(count=count))
+    model = mj.MjModel.from_xml_path(str(path))
+    names = {model.body(i).name for i in range(1, model.nbody)}
+    assert names == {*load(path).mechanism.bodies} and {f"b-{0:0{len(str(count))}d}"} <= names
 
 
 def test_a_tie_to_what_is_no_replica_is_left_out_as_mujoco_does(tmp_path):

@@ -31,7 +31,10 @@ R = TypeVar("R", bound=Record)
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """Hold an element: its tag, attributes and children, and where it stands."""
+    """Hold an element: its tag, attributes and children, and where it stands.
+
+    scope: which one it comes from, of several models that a reader put together
+    """
 
     tag: str
     attributes: Mapping[str, str]
@@ -39,6 +42,7 @@ class Element:
     line: int
     children: list[Element] = field(default_factory=list)
     texts: list[str] = field(default_factory=list)
+    scope: str = ""
 
     @property
     def content(self) -> str:

@@ -359,7 +359,8 @@ class ActuatorReader:
     def _range(self, element: Element, key: str, what: str) -> Numbers:
         """Return the bounds of a control, force or activation, where there are any."""
         name = f"{key}range"
-        automatic = name in element.attributes and self.document.compiler.autolimits
+        autolimits = self.document.compiler_of(element).autolimits
+        automatic = name in element.attributes and autolimits
         limited = element.attributes.get(f"{key}limited", "auto")
         if not (limited == "true" or (limited == "auto" and automatic)):
             return self._inherited(element, what)

@@ -1,5 +1,5 @@
-"""An MJCF document as its author means it: files included, defaults applied, angles and
-orientations understood.
+"""An MJCF document as its author means it: files included, models attached, defaults
+applied, angles and orientations understood.
 
 Source: the MJCF reference of MuJoCo 4, https://mujoco.readthedocs.io (elements, attributes and
 their defaults).
@@ -7,7 +7,7 @@ their defaults).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import radians
 from pathlib import Path
@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from linkwork.formats import poses, xml
+from linkwork.formats.mjcf.attachments import Attachable, AttachmentWriter, Remark
 from linkwork.formats.mjcf.replicas import ReplicaWriter
 from linkwork.formats.xml import Element
 from linkwork.mechanism import MechanismError
@@ -27,6 +28,13 @@ ACTUATORS = (
 EQUALITIES = ("connect", "weld", "joint", "tendon", "flex", "flexstrain", "flexvert")
 INCLUDES = 50
 MAIN = "main"
+OWN = ""  # the scope of what is not attached
+MODELS = 8  # attached in one another
+TIED = "is left out, as MuJoCo does: it ties a replica to what is none"
+OVERRULED = "is left out: the options of the model that it is attached to hold"
+UNSET = "is left out: the keyframes of attached models are not read"
+CLASSED = ("asset", "tendon", "equality", "actuator")  # whose elements stand in no body
+SET_BY_OPTIONS = ("gravity", "density", "viscosity", "wind")
 
 
 @dataclass(frozen=True)
@@ -92,6 +100,15 @@ class Compiler:
         """Return an angle of the file in radians."""
         return radians(value) if self.degrees else value
 
+    def euler_rotation(self, angles: np.ndarray) -> np.ndarray:
+        """Return the rotation matrix of Euler angles."""
+        R = np.eye(3)
+        for letter, angle in zip(self.euler, angles, strict=True):
+            axis = np.eye(3)["xyz".index(letter.lower())]
+            turn = poses.turn(axis, self.angle(angle))[:3, :3]
+            R = R @ turn if letter.islower() else turn @ R
+        return R
+
     def updated(self, section: Element) -> Compiler:
         """Return the settings after one <compiler> section."""
         # What MuJoCo does not take any more, and what makes no sense, is refused.
@@ -136,21 +153,27 @@ def flag(element: Element, name: str, default: bool) -> bool:
 
 @dataclass(frozen=True)
 class Document:
-    """Hold the root element with all files included and replicas written out, the compiler's
-    settings and the defaults by class.
+    """Hold the root element with all files included, attachments and replicas written out, the
+    compilers' settings by scope and the defaults by class.
 
-    lost: equalities between a replica and what is none, which MuJoCo leaves out
+    remarks: on what was left out of that
     """
 
     root: Element
-    compiler: Compiler
+    compilers: dict[str, Compiler]
     defaults: Defaults
-    lost: tuple[Element, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
     @classmethod
-    def read(cls, root: Element, includes: Sequence[Path] = ()) -> Document:
-        """Complete a document whose root is <mujoco>; includes: folders whose files it may include
-        beside those of its own."""
+    def read(
+        cls, root: Element, includes: Sequence[Path] = (), around: tuple[Path, ...] = ()
+    ) -> Document:
+        """Complete a document whose root is <mujoco>.
+
+        Args:
+            includes: folders whose files it may include beside those of its own.
+            around: files of the models that it is attached to.
+        """
         root = _Including(root, includes).complete(root)
         compiler, defaults = Compiler(), {MAIN: Class()}
         for section in root.each("compiler"):
@@ -158,14 +181,24 @@ class Document:
         for section in root.each("default"):
             defaults[section.attributes.get("class", MAIN)] = defaults[MAIN]
             _read_defaults(section, MAIN, defaults)
-        document = cls(root, compiler, defaults)
+        document = cls(root, {OWN: compiler}, defaults)
+        # Attached models first: they may stand in a replica.
+        models = _Models(document, includes, (*around, root.file.resolve()))
+        attaching = AttachmentWriter(models.opened)
+        root = attaching.written(root)
         writer = ReplicaWriter(document.turned)
-        return replace(document, root=writer.written(root), lost=tuple(writer.lost))
+        root = writer.written(root)
+        tied = [(element, TIED, False) for element in writer.lost]
+        return replace(document, root=root, remarks=(*models.remarks, *attaching.remarks, *tied))
+
+    def compiler_of(self, element: Element) -> Compiler:
+        """Return the settings of the model that an element comes from."""
+        return self.compilers[element.scope]
 
     def turned(self, element: Element, count: int) -> np.ndarray:
         """Return the rotation matrix of so many times an element's Euler angles."""
         angles = element.vector("euler", (0.0, 0.0, 0.0))
-        return self._euler(count * np.array(angles))
+        return self.compiler_of(element).euler_rotation(count * np.array(angles))
 
     def each(self, section: str, *tags: str) -> Iterator[Element]:
         """Yield the elements of some tags in all sections of a name."""
@@ -224,9 +257,11 @@ class Document:
             case "quat":
                 return poses.from_quaternion(*numbers)
             case "axisangle":
-                return poses.turn(poses.unit(numbers[:3]), self.compiler.angle(numbers[3]))[:3, :3]
+                return poses.turn(
+                    poses.unit(numbers[:3]), self.compiler_of(element).angle(numbers[3])
+                )[:3, :3]
             case "euler":
-                return self._euler(numbers)
+                return self.compiler_of(element).euler_rotation(numbers)
             case "zaxis":
                 return poses.from_z(numbers)
         # xyaxes: y is taken square to x, as MuJoCo does.
@@ -236,15 +271,6 @@ class Document:
             raise element.refusal("xyaxes gives two parallel axes; turn one of them")
         y = poses.unit(y)
         return np.column_stack([x, y, np.cross(x, y)])
-
-    def _euler(self, angles: np.ndarray) -> np.ndarray:
-        R = np.eye(3)
-        for letter, angle in zip(self.compiler.euler, angles, strict=True):
-            turn = poses.turn(np.eye(3)["xyz".index(letter.lower())], self.compiler.angle(angle))[
-                :3, :3
-            ]
-            R = R @ turn if letter.islower() else turn @ R
-        return R
 
 
 def _read_defaults(section: Element, name: str, defaults: Defaults) -> None:
@@ -260,6 +286,102 @@ def _read_defaults(section: Element, name: str, defaults: Defaults) -> None:
         _read_defaults(subclass, child, defaults)
 
 
+def scoped(element: Element, scope: str, main: str, classes: Container[str]) -> Element:
+    """Return an element of an attached model that knows its scope, and its classes by it; main: the
+    class of what is in no body and has none."""
+    attributes = dict(element.attributes)
+    for key in ("class", "childclass"):
+        if key in attributes:
+            if scope + attributes[key] not in classes:
+                raise element.refusal(f"there is no default class {xml.shortened(attributes[key])}")
+            attributes[key] = scope + attributes[key]
+    if main:
+        attributes.setdefault("class", main)
+    children = [scoped(child, scope, main, classes) for child in element.children]
+    return replace(element, attributes=attributes, children=children, scope=scope + element.scope)
+
+
+@dataclass
+class _Models:
+    """Read the models that are attached to a document, which takes over their settings.
+
+    includes, around: as of Document.read
+    """
+
+    document: Document
+    includes: Sequence[Path]
+    around: tuple[Path, ...]
+    remarks: list[Remark] = field(default_factory=list)
+    count: int = 0
+
+    def opened(self, asset: Element) -> Attachable | None:
+        """Return the model that an asset names, or None with a remark where its file is not to be
+        opened."""
+        name, own = asset.text("file"), self.document.root.file.parent.resolve()
+        path = _path_of(asset, name, (own, *(folder.resolve() for folder in self.includes)))
+        if path is None:
+            self.remarks.append((asset, f"is not read: file {xml.shortened(name)} {OUTSIDE}", True))
+            return None
+        if path in self.around:
+            raise asset.refusal(f"file {xml.shortened(name)} is attached to itself")
+        if len(self.around) > MODELS:
+            raise asset.refusal(f"more than {MODELS} models are attached in one another")
+        try:
+            root = xml.read(path)
+            if root.tag != "mujoco":
+                raise root.refusal("is no MJCF model; attach a file whose root is <mujoco>")
+            model = Document.read(root, self.includes, self.around)
+        except MechanismError as error:
+            raise MechanismError(f"{asset.file}: line {asset.line}: {error}") from None
+        return self.taken(model)
+
+    def taken(self, model: Document) -> Attachable:
+        """Return a model whose compilers and defaults this document has."""
+        # Settings by a scope of their own; mesh files lie beside their own model's.
+        self.count += 1
+        scope, folder = f"{self.count}/", model.root.file.parent.resolve()
+        for inner, compiler in model.compilers.items():
+            where = str(folder / compiler.mesh_folder)
+            self.document.compilers[scope + inner] = replace(compiler, mesh_folder=where)
+        for name, table in model.defaults.items():
+            self.document.defaults[scope + name] = table
+        # What is not taken over.
+        self.remarks += model.remarks
+        merged = any(
+            section.attributes.get("conflict", "warning") != "warning"
+            for section in self.document.root.each("compiler")
+        )
+        for option in model.root.each("option"):
+            moving = bool(option.children or {*SET_BY_OPTIONS} & {*option.attributes})
+            self.remarks.append((option, OVERRULED, merged and moving))
+        self.remarks += [(keys, UNSET, False) for keys in model.root.each("keyframe")]
+        # Bodies give their class to what is in them; all else has one.
+        classes, main = self.document.defaults, scope + MAIN
+        children = [
+            scoped(section, scope, main if section.tag in CLASSED else "", classes)
+            for section in model.root.children
+        ]
+        return Attachable(replace(model.root, children=children, scope=scope), scope + MAIN)
+
+
+OUTSIDE = (
+    "lies outside the model's folder and is not opened; state a folder around both (includes=, "
+    "--include-root)"
+)
+
+
+def _path_of(element: Element, name: str, allowed: Sequence[Path]) -> Path | None:
+    """Return the path of a file that an element names, or None where it lies outside the folders
+    that are allowed, the model's own first."""
+    try:
+        path = (allowed[0] / name).resolve()
+    except (OSError, ValueError):
+        raise element.refusal(f"file {xml.shortened(name)} is no path") from None
+    inside = [folder / name for folder in allowed[1:]]
+    path = next((each.resolve() for each in inside if each.is_file()), path)
+    return path if any(path.is_relative_to(folder) for folder in allowed) else None
+
+
 class _Including:
     """Put the contents of files in the place of <include file="...">; they lie in the model's own
     folder, or in one that is stated.
@@ -268,8 +390,7 @@ class _Including:
     """
 
     def __init__(self, root: Element, includes: Sequence[Path]):
-        self.folder = root.file.parent.resolve()
-        self.allowed = (self.folder, *(folder.resolve() for folder in includes))
+        self.allowed = (root.file.parent.resolve(), *(folder.resolve() for folder in includes))
         self.seen = {root.file.resolve()}
         self.bytes = self.count = 0
 
@@ -294,17 +415,9 @@ class _Including:
 
     def _included(self, element: Element, depth: int) -> list[Element]:
         name = element.text("file")
-        try:
-            path = (self.folder / name).resolve()
-        except (OSError, ValueError):
-            raise element.refusal(f"file {xml.shortened(name)} is no path") from None
-        inside = [folder / name for folder in self.allowed[1:]]
-        path = next((each.resolve() for each in inside if each.is_file()), path)
-        if not any(path.is_relative_to(folder) for folder in self.allowed):
-            raise element.refusal(
-                f"file {xml.shortened(name)} lies outside the model's folder and is not opened; "
-                "state a folder around both (includes=, --include-root)"
-            )
+        path = _path_of(element, name, self.allowed)
+        if path is None:
+            raise element.refusal(f"file {xml.shortened(name)} {OUTSIDE}")
         if path in self.seen:
             raise element.refusal(f"file {xml.shortened(name)} is included twice; include it once")
         if len(self.seen) > INCLUDES:

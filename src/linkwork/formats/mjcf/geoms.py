@@ -65,7 +65,7 @@ def weighed(
 
 def is_heavy(document: Document, element: Element) -> bool:
     """Tell whether a geom, with its defaults, has mass in MuJoCo."""
-    low, high = document.compiler.groups
+    low, high = document.compiler_of(element).groups
     if kind_of(element) in TERRAIN or not low <= element.number("group", 0.0) <= high:
         return False
     return element.number("mass", element.number("density", 1.0)) != 0

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import numpy as np
 
 from linkwork.errors import LinkworkError
 from linkwork.formats import poses
+from linkwork.formats.mjcf.attachments import mesh_name
 from linkwork.formats.mjcf.document import Document
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element, shortened
@@ -36,15 +37,16 @@ class MeshAsset:
 
     @cached_property
     def path(self) -> Path | None:
-        """Return the path of its file: meshdir and strippath of the compiler apply, and the main
-        model's folder.
+        """Return the path of its file: meshdir and strippath of its model's compiler apply, and the
+        folder of that model.
 
         Raises:
             LinkworkError: half a sentence on what is not there.
         """
         if "file" not in self.element.attributes:
             return None
-        name, compiler = self.element.text("file"), self.document.compiler
+        name = self.element.text("file")
+        compiler = self.document.compiler_of(self.element)
         if compiler.strip_path:
             name = name.replace("\\", "/").rpartition("/")[2]
         path = self.document.root.file.parent / compiler.mesh_folder / name
@@ -143,8 +145,7 @@ class Meshes:
         found: dict[str, MeshAsset] = {}
         for raw in document.each("asset", "mesh"):
             element = document.resolved(raw, "mesh")
-            file = PurePosixPath(element.attributes.get("file", "").replace("\\", "/"))
-            found[element.attributes.get("name") or file.stem] = MeshAsset(element, document)
+            found[mesh_name(element)] = MeshAsset(element, document)
         return cls(found)
 
     def asset(self, geom: Element) -> MeshAsset:
@@ -186,7 +187,7 @@ class Meshes:
         moments, axes = np.linalg.eigh(solid.inertia)
         moments, axes = moments[::-1], axes[:, ::-1] * (1, 1, np.linalg.det(axes[:, ::-1]))
         X = asset.document.pose(geom) @ poses.pose(solid.centre, axes)
-        if asset.document.compiler.fit_box:
+        if asset.document.compiler_of(geom).fit_box:
             seen = (asset.triangles.vertices - solid.centre) @ axes
             low, high = seen.min(axis=0), seen.max(axis=0)
             half, X = (high - low) / 2, X @ poses.shift((low + high) / 2)

@@ -4,7 +4,7 @@ Copy i of what stands in a <replicate> is turned by i times its Euler angles, R_
 
     p_0 = 0,    p_(i+1) = p_i + R_i offset
 
-Its names end with sep and i, in as many digits as the last one has. What refers to a copied joint,
+Its names end with sep and i, in as many digits as their number has. What refers to a copied joint,
 site, body or geom from outside (tendons, actuators, equalities) is copied with it, behind all that
 does not; an equality that refers to a copied element and to one outside is not there at all.
 """
@@ -79,8 +79,8 @@ class ReplicaWriter:
             raise element.refusal(
                 f"makes more than {xml.MOST} elements, with the others; a mechanism has fewer"
             )
-        last, sep = len(str(max(int(count) - 1, 0))), element.attributes.get("sep", "")
-        suffixes = [f"{sep}{i:0{last}d}" for i in range(int(count))]
+        digits, sep = len(str(int(count))), element.attributes.get("sep", "")
+        suffixes = [f"{sep}{i:0{digits}d}" for i in range(int(count))]
         names: Known = {}
         for part in every(element):
             if part is not element and part.tag in KINDS and "name" in part.attributes:

@@ -156,8 +156,8 @@ BOUNDS = (
 
 def survey(document: Document, notes: Notes) -> None:
     """Note all sections, elements and attributes of a document that are left out."""
-    for element in document.lost:
-        notes.on(element, "is left out, as MuJoCo does: it ties a replica to what is none")
+    for element, remark, alters in document.remarks:
+        notes.on(element, remark, alters)
     for section in document.root.children:
         if section.tag in READ_SECTIONS:
             _inside(section, notes)

@@ -330,7 +330,7 @@ def is_limited(element: Element, document: Document) -> bool:
     """Tell whether a tendon has limits."""
     limited = element.attributes.get("limited", "auto")
     return "range" in element.attributes and (
-        limited == "true" or (limited == "auto" and document.compiler.autolimits)
+        limited == "true" or (limited == "auto" and document.compiler_of(element).autolimits)
     )
 
 

@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 
 from linkwork.formats import poses
-from linkwork.formats.mjcf.document import MAIN, Document
+from linkwork.formats.mjcf.document import MAIN, OWN, Document
 from linkwork.formats.mjcf.geoms import (
     SHAPES,
     fromto,
@@ -213,7 +213,7 @@ class TreeReader:
         self.materials, self.meshes = materials_of(document), Meshes.of(document)
 
     def finished(self) -> ModelTree:
-        total = self.document.compiler.total_mass
+        total = self.document.compilers[OWN].total_mass
         mass = sum(node.solid.mass for node in self.tree.nodes.values())
         if total > 0 and mass > 0:
             for name, node in self.tree.nodes.items():
@@ -323,7 +323,7 @@ class TreeReader:
             )
         # Its spring and its friction; what has no counterpart is told.
         springref = (
-            self.scaled(kind, element.number("springref", 0.0))
+            self.scaled(kind, element, element.number("springref", 0.0))
             if kind in ("hinge", "slide")
             else 0.0
         )
@@ -351,7 +351,7 @@ class TreeReader:
             element,
             anchor=poses.point(X, element.vector("pos", (0.0, 0.0, 0.0))),
             axis=poses.unit(X[:3, :3] @ axis),
-            ref=self.scaled(kind, element.number("ref", 0.0))
+            ref=self.scaled(kind, element, element.number("ref", 0.0))
             if kind in ("hinge", "slide")
             else 0.0,
             springref=springref,
@@ -361,8 +361,8 @@ class TreeReader:
             rotor=element.number("armature", 0.0),
         )
 
-    def scaled(self, kind: Kind, value: float) -> float:
-        return value if kind == "slide" else self.document.compiler.angle(value)
+    def scaled(self, kind: Kind, element: Element, value: float) -> float:
+        return value if kind == "slide" else self.document.compiler_of(element).angle(value)
 
     def linear(self, element: Element, name: str) -> float:
         """Return a coefficient of a joint or tendon; higher powers are left out."""
@@ -379,10 +379,10 @@ class TreeReader:
         limited = element.choice("limited", ("true", "false", "auto"), "auto")
         if limited == "false" or "range" not in element.attributes or kind == "free":
             return Limits()
-        if limited == "auto" and not self.document.compiler.autolimits:
+        if limited == "auto" and not self.document.compiler_of(element).autolimits:
             return Limits()
         lower, upper = (
-            self.scaled(kind, value) for value in element.numbers("range", (2,), most=inf)
+            self.scaled(kind, element, value) for value in element.numbers("range", (2,), most=inf)
         )
         return element.make(
             Limits,
@@ -394,7 +394,7 @@ class TreeReader:
 
     def solid(self, element: Element, parts: _Parts) -> Solid:
         """Return the mass of a body, from <inertial> or from its geoms."""
-        compiler = self.document.compiler
+        compiler = self.document.compiler_of(element)
         if parts.inertial is not None and compiler.from_geoms != "true":
             solid = self.inertial(parts.inertial)
         elif compiler.from_geoms == "false":
