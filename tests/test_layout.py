@@ -20,7 +20,7 @@ import linkwork as lw
 from tests.house import SOURCE, modules
 
 STAGES = (
-    "errors moved notebooks",
+    "errors moved notebooks patience",
     "checks",
     "solids",
     "math paths mechanism kernels",

@@ -29,6 +29,7 @@ from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.model import checks, limits
 from linkwork.notebooks import Portrayed
+from linkwork.patience import announced
 from linkwork.robot import Robot, State
 
 ROUND = 8192
@@ -95,6 +96,7 @@ class Modes(Portrayed):
         )
 
 
+@announced("searching for assembly modes")
 def assembly_modes(
     robot: Robot, joints: Mapping[str, float] | None = None, *, starts: int = 400_000, seed: int = 0
 ) -> Modes:
@@ -130,6 +132,7 @@ def assembly_modes(
     return search(square, asked, by_tool if robot.mechanism.tools else by_bodies, starts, seed)
 
 
+@announced("searching for working modes")
 def working_modes(
     robot: Robot,
     tool: ArrayLike | None = None,

@@ -24,6 +24,7 @@ from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.closing import closed, of_any_length
 from linkwork.model.linear import own_rates
+from linkwork.patience import announced
 from linkwork.robot import Robot, State
 
 DEPENDENT = 1e-8
@@ -108,6 +109,7 @@ class Base:
         return self.combination @ self.regressor.described
 
 
+@announced("finding the base parameters")
 def base_parameters(
     robot: Robot, effects: Sequence[str] = (), *, samples: int = 200, seed: int = 0
 ) -> Base:

@@ -40,6 +40,7 @@ from linkwork.model.linear import (
     own_rates,
     weight,
 )
+from linkwork.patience import announced
 from linkwork.robot import Robot, State
 
 ROUNDS = 200
@@ -107,6 +108,7 @@ def equilibrium(
     )
 
 
+@announced("searching for equilibria")
 def equilibria(
     robot: Robot,
     forces: ArrayLike | Mapping[str, float] | None = None,

@@ -37,6 +37,7 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism.limits import limited
 from linkwork.mechanism.task import unit
 from linkwork.model import checks
+from linkwork.patience import announced
 from linkwork.robot import Robot, State
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ MEANING = {
 }
 
 
+@announced("mapping the workspace")
 def workspace(
     robot: Robot,
     grid: Mapping[str, ArrayLike],

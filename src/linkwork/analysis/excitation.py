@@ -26,6 +26,7 @@ from linkwork.analysis.square import of_joints
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.linear import own_rates
+from linkwork.patience import announced
 from linkwork.robot import Motion, Robot
 
 SAMPLES = 40
@@ -132,6 +133,7 @@ class Search:
         return float(sigma[0] / max(sigma[-1], sigma[0] / IMPOSSIBLE))
 
 
+@announced("designing an exciting trajectory")
 def exciting_trajectory(
     robot: Robot,
     *,

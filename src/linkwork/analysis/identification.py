@@ -29,6 +29,7 @@ from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.linear import own_rates
 from linkwork.notebooks import Portrayed
+from linkwork.patience import announced
 from linkwork.robot import Robot, State, UnreachableError
 from linkwork.simulation import Run
 
@@ -88,6 +89,7 @@ class Identification(Portrayed):
         return Y[..., self.base.columns] @ self.values + known
 
 
+@announced("identifying parameters")
 def identify(
     robot: Robot, measured: Measured | Run, effects: Sequence[str] = (), *, seed: int = 0
 ) -> Identification:

@@ -36,6 +36,7 @@ from linkwork.model import checks, dexterity
 from linkwork.model.asked import task_rows
 from linkwork.model.labels import POSE_ANGLES, POSES
 from linkwork.model.task import task_if_any
+from linkwork.patience import announced
 from linkwork.robot import Motion, Robot, State
 from linkwork.simulation import Run
 
@@ -289,6 +290,7 @@ def zeros(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.sort(np.concatenate([x[y == 0], between]))
 
 
+@announced("following the singular loci")
 def loci(mapped: xarray.Dataset, name: str = "det_A", level: float = 0.0) -> list[np.ndarray]:
     """Return the lines on which a quantity of a workspace over two axes has a value: the
     singularity loci for det_A, 0.

@@ -19,6 +19,8 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
+from linkwork.patience import hushed
+
 PATIENCE = 1.0  # how long nothing is shown [s]
 BETWEEN = 2  # columns of the terminal between those of a table
 WORDS = 24  # width that a column of words is given at least, if it takes so much
@@ -153,7 +155,8 @@ def patience(what: str) -> Iterator[None]:
     timer.daemon = True
     timer.start()
     try:
-        yield
+        with hushed():
+            yield
     finally:
         timer.cancel()
         timer.join()

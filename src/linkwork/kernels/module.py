@@ -14,6 +14,7 @@ from linkwork.kernels.compile import Code, object_code
 from linkwork.kernels.emit import FUNCTIONS, Kind, module_text
 from linkwork.kernels.machine import this_machine
 from linkwork.kernels.program import Program
+from linkwork.patience import announced
 
 _OPERATIONS = struct.Struct("<q")
 
@@ -48,7 +49,8 @@ def load(f: ca.Function, program: Callable[[], Program], kind: Kind) -> Module:
     content = cache.read(entry)
     from_cache = content is not None
     if content is None:
-        code = object_code(module_text(program(), machine, kind), machine)
+        with announced(f"compiling {f.name()}"):
+            code = object_code(module_text(program(), machine, kind), machine)
         content = _OPERATIONS.pack(program().operations) + code
         cache.write(entry, content)
     (operations,) = _OPERATIONS.unpack_from(content)

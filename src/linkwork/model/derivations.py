@@ -31,6 +31,7 @@ from linkwork.equations.tree import GROUND_NODE
 from linkwork.kernels import cache
 from linkwork.kernels.machine import this_machine
 from linkwork.mechanism import Mechanism
+from linkwork.patience import announced
 
 Found = TypeVar("Found")
 
@@ -64,7 +65,12 @@ def derived(mechanism: Mechanism, independent: tuple[str, ...], free: tuple[str,
     kept, too."""
     parts = repr(mechanism.model_dump()), repr(independent), repr(free)
     key = hashlib.sha256("\n".join(parts).encode()).hexdigest()
-    return kept(lambda: replace(derive(mechanism, independent, free), key=key), "equations", key)
+
+    def find() -> Equations:
+        with announced(f"deriving the equations of motion of {mechanism.name}"):
+            return replace(derive(mechanism, independent, free), key=key)
+
+    return kept(find, "equations", key)
 
 
 def packed(value: object) -> bytes:

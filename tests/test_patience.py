@@ -1,0 +1,92 @@
+"""What takes long says so on a terminal, and nowhere else."""
+
+import io
+import threading
+import time
+from types import SimpleNamespace
+
+import pytest
+
+import linkwork as lw
+from linkwork import patience
+from linkwork.cli.terminal import patience as spinner
+from linkwork.patience import announced
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    """Let everything take long, on a terminal."""
+    shown = Terminal()
+    monkeypatch.setattr(patience, "sys", SimpleNamespace(stderr=shown))
+    monkeypatch.setattr(patience, "PATIENCE", 0.0)
+    return shown
+
+
+def done(what="weighing"):
+    with announced(what):
+        time.sleep(0.05)
+
+
+def test_what_takes_long_is_named_while_it_lasts_and_timed_at_its_end(terminal):
+    with announced("weighing"):
+        time.sleep(0.2)
+        assert terminal.getvalue() == "linkwork: weighing ...\n"
+    first, last = terminal.getvalue().splitlines()
+    assert first == "linkwork: weighing ..."
+    assert last == "linkwork: weighing took 0.2 s"
+
+
+def test_what_is_quick_says_nothing(terminal, monkeypatch):
+    monkeypatch.setattr(patience, "PATIENCE", 60.0)
+    done()
+    assert terminal.getvalue() == ""
+
+
+def test_parts_of_what_is_announced_say_nothing(terminal):
+    with announced("weighing"):
+        done("counting")
+    assert "counting" not in terminal.getvalue()
+
+
+def test_a_fault_is_passed_on_and_ends_the_announcement(terminal):
+    with pytest.raises(ValueError, match="too heavy"), announced("weighing"):
+        raise ValueError("too heavy")
+    done("counting")
+    assert "counting took" in terminal.getvalue()
+
+
+def test_files_and_threads_are_not_told(terminal, monkeypatch):
+    thread = threading.Thread(target=done)
+    thread.start()
+    thread.join()
+    monkeypatch.setattr(patience.sys, "stderr", file := io.StringIO())
+    done()
+    monkeypatch.setattr(patience.sys, "stderr", None)
+    done()
+    assert terminal.getvalue() + file.getvalue() == ""
+
+
+def test_the_spinner_of_commands_stands_for_all(terminal, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    with spinner("mapping"):
+        done()
+    assert "weighing" not in terminal.getvalue()
+
+
+def test_deriving_compiling_and_searching_are_announced(terminal, monkeypatch, tmp_path):
+    monkeypatch.setenv("LINKWORK_CACHE_DIR", str(tmp_path))
+    description = lw.robots.prr3()
+    robot = lw.Robot(description.model_copy(update={"name": "patient"}))
+    robot.forward_dynamics(robot.home, [0.0, 0.0, 0.0])
+    lw.analysis.assembly_modes(robot, starts=64)
+    lw.analysis.workspace(robot, {"x": [0.5], "y": [0.3], "angle": 0.5})
+    said = terminal.getvalue()
+    assert "linkwork: deriving the equations of motion of patient took" in said
+    assert "linkwork: compiling" in said
+    assert "linkwork: searching for assembly modes took" in said
+    assert "linkwork: mapping the workspace took" in said
