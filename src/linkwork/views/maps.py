@@ -1,5 +1,5 @@
 """Maps of the workspace: a quantity over a plane of poses as colour, singularity loci and the
-workspace's edge as lines.
+workspace's edge as lines; over three coordinates, on the surface of what is reached.
 
 Signed quantities, the determinants, have colours that part at zero; all others run from dark (low)
 to light (high). The colour maps, cividis and one from purple to orange, are read alike by people
@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from linkwork.errors import LinkworkError
-from linkwork.scene.colours import INK, VERMILION
+from linkwork.scene.colours import GREY, INK, PALE, PLATE, VERMILION
 from linkwork.views.style import new_figure, styled
+from linkwork.views.volume import surface
 
 if TYPE_CHECKING:
     import xarray
@@ -30,6 +31,9 @@ POSE = (
     "ry",
     "rz",
 )  # of two the first lies along the picture, the other upwards
+OVER = {2: "two", 3: "three"}  # how many coordinates a picture may have
+ROOM = 0.05  # between what is reached and the ends of the axes in space, relative to it
+BAR = {"shrink": 0.7, "pad": 0.14}  # of colours beside axes in space: its length, its distance
 SEQUENTIAL, SIGNED = "cividis", "PuOr"
 SIGNS = ("det_A", "det_B")
 MOST = 0.98  # quantile of a signed quantity's magnitude at which its colours end
@@ -47,35 +51,42 @@ def plot_workspace(
     *,
     lines: bool = True,
 ) -> Axes:
-    """Draw a quantity of a workspace over two coordinates of the tool's pose.
+    """Draw a quantity of a workspace over two coordinates of the tool's pose, or, over three, on
+    the surface of what is reached.
 
     Args:
-        mapped: of `linkwork.analysis.workspace`, over two coordinates; of more, choose by
+        mapped: of `linkwork.analysis.workspace`, over two or three coordinates; of more, choose by
             `mapped.sel(angle=...)`.
-        quantity: name of a quantity over these two: conditioning, det_A (where it is zero the robot
+        quantity: name of a quantity over these: conditioning, det_A (where it is zero the robot
             is actuator-singular), det_B, isotropic_force ..., or reachable.
-        ax: where to draw; left out: axes of a new figure.
-        lines: draw where det_A or det_B vanishes, and the edge of what is reached.
+        ax: where to draw, over three coordinates axes in space; left out: axes of a new figure.
+        lines: over two coordinates, draw where det_A or det_B vanishes, and the edge of what is
+            reached.
 
     Returns:
-        The axes; `axes.figure` is the figure.
+        The axes; `axes.figure` is the figure. A surface ends with the grid: where it lies on the
+        grid's ends, it tells nothing of the reach.
 
     Raises:
-        LinkworkError: a quantity that the map does not hold over two coordinates.
+        LinkworkError: a quantity that the map does not hold over two or three coordinates, flat
+            axes for three coordinates.
     """
-    # What can be drawn over two coordinates of the pose.
-    known = [
-        str(name)
+    # What can be drawn over two or three coordinates of the pose.
+    known = {
+        str(name): array.ndim
         for name, array in mapped.data_vars.items()
-        if array.ndim == 2 and set(array.dims) <= set(POSE)
-    ]
+        if array.ndim in OVER and set(array.dims) <= set(POSE)
+    }
     if quantity not in known:
+        over = OVER[min(known.values(), default=2)]
         have = (
-            f"; over two it holds {', '.join(known)}"
+            f"; over {over} it holds {', '.join(known)}"
             if known
             else "; choose a plane of it by mapped.sel(...)"
         )
-        raise LinkworkError(f"the map holds no {quantity!r} over two coordinates{have}")
+        raise LinkworkError(f"the map holds no {quantity!r} over {over} coordinates{have}")
+    if known[quantity] == 3:
+        return draw_surface(mapped, quantity, ax)
     array = mapped[quantity]
     first, second = sorted(map(str, array.dims), key=POSE.index)
     array = array.transpose(second, first)
@@ -109,6 +120,55 @@ def plot_workspace(
             axes.legend(
                 loc="lower left", bbox_to_anchor=(0, 1.0), ncols=sum(drawn), borderaxespad=0.2
             )
+    return axes
+
+
+def draw_surface(mapped: xarray.Dataset, quantity: str, ax: Axes | None) -> Axes:
+    """Draw the surface of what is reached over three coordinates, coloured by a quantity."""
+    from matplotlib import cm, colormaps, colors
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    if ax is not None and ax.name != "3d":
+        raise LinkworkError(
+            "the map is over three coordinates and the axes are flat; give axes with "
+            "projection='3d', or choose a plane of the map by mapped.sel(...)"
+        )
+    names = sorted(map(str, mapped[quantity].dims), key=POSE.index)
+    values = mapped[quantity].transpose(*names).values.astype(float)
+    places = [mapped[name].values for name in names]
+    found = surface(mapped["reachable"].transpose(*names).values, places)
+    with styled():
+        axes: Any = new_figure(WIDTH, HEIGHT).add_subplot(projection="3d") if ax is None else ax
+        for letter, name in zip("xyz", names, strict=True):
+            axes.set(**{f"{letter}label": f"{name} [{units(mapped, name)}]"})
+        if not len(found.faces):
+            axes.text2D(
+                0.5, 0.5, "no pose is reached", transform=axes.transAxes, ha="center", va="center"
+            )
+            return axes
+        # The surface, each face in the colour of the reached pose behind it.
+        faces = Poly3DCollection(list(found.faces), edgecolors=GREY, linewidths=0.2)
+        shown = values[tuple(found.points.T)]
+        if quantity == "reachable":
+            faces.set_facecolor(PLATE)
+        else:
+            look = colours(quantity, shown)
+            ends = colors.Normalize(look.get("vmin"), look.get("vmax"))
+            paint = cm.ScalarMappable(ends, colormaps[look["cmap"]].with_extremes(bad=PALE))
+            paint.set_array(np.ma.masked_invalid(shown))
+            paint.autoscale_None()
+            faces.set_facecolor(paint.to_rgba(np.ma.masked_invalid(shown)))
+            bar = axes.figure.colorbar(paint, ax=axes, **BAR)
+            bar.set_label(f"{meaning(mapped, quantity)} [{units(mapped, quantity)}]")
+            bar.outline.set_visible(False)
+        axes.add_collection3d(faces)
+        # Axes around it, of one scale where all are lengths.
+        low, high = found.faces.min(axis=(0, 1)), found.faces.max(axis=(0, 1))
+        room = np.maximum(ROOM * (high - low), ROOM * (high - low).max() * 0.1)
+        for letter, start, end in zip("xyz", low - room, high + room, strict=True):
+            axes.set(**{f"{letter}lim": (start, end)})
+        if all(units(mapped, name) == "m" for name in names):
+            axes.set_aspect("equal")
     return axes
 
 
