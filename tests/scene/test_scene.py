@@ -11,7 +11,7 @@ import linkwork as lw
 from linkwork.equations.joints import KINDS, Kind, Row
 from linkwork.equations.joints.kind import ElementaryMotion, slide, turn
 from linkwork.mechanism import Box
-from linkwork.mechanism.shapes import Outline, ShapeBase
+from linkwork.mechanism.shapes import Outline, SimpleShape
 from linkwork.scene.colours import DRIVEN, LOOKS, WHITE, rgb
 from linkwork.scene.meshes import BALL, BLOCK, PIN, PlacedMesh, piece_of
 from linkwork.scene.parts import Bar, Hull, moved
@@ -179,7 +179,7 @@ def test_a_body_that_flies_alone_is_seen_in_pictures_reports_and_the_viewer():
 
 
 def test_a_shape_of_its_own_is_a_piece_by_its_outline():
-    class Cone(ShapeBase):
+    class Cone(SimpleShape):
         radius: float
         height: float
 

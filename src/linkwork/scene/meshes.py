@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from linkwork.errors import LinkworkError, ModelWarning
-from linkwork.mechanism.shapes import SQUARE, MeshFile, Shape, rounded
+from linkwork.mechanism.shapes import SQUARE, Shape, SimpleShape, rounded
 from linkwork.scene.curves import across, hull
 from linkwork.solids.mesh_files import read_mesh
 from linkwork.solids.triangles import Triangles, simplified
@@ -224,7 +224,7 @@ def piece_of(shape: Shape) -> PlacedMesh:
     Raises:
         LinkworkError: half a sentence about a mesh that cannot be read.
     """
-    if isinstance(shape, MeshFile):
+    if not isinstance(shape, SimpleShape):
         return PlacedMesh(_of_triangles(read_mesh(Path(shape.file)), shape.scale, FINEST))
     points, scale, swept = shape.outline
     return PlacedMesh(outlined(points, swept), scale=np.array(scale))
