@@ -184,3 +184,34 @@ def test_springs_that_are_left_out_are_told_where_tendons_that_do_not_pull_come_
     (caveat,) = caveats(path)
     assert "<spatial 'spring'> is left out" in caveat
     assert any("<spatial 'cord'> is left out" in note for note in read(path).notes)
+
+
+@pytest.mark.parametrize(
+    ("options", "felt"),
+    [
+        ('<option density="1.2" wind="1 0 0"/>', 2),
+        ('<option viscosity="1e-5"/>', 1),
+        ('<option wind="1 0 0"/>', 0),
+        ('<option density="1.2"/><option density="0"/>', 0),
+    ],
+)
+def test_a_fluid_is_a_caveat_where_it_resists(options, felt, tmp_path):
+    path = model(tmp_path, more=INERTIAL)
+    path.write_text(path.read_text().replace("<worldbody>", f"{options}<worldbody>"))
+    imported = read(path)
+    told = [note for note in imported.notes if "which is left out: there is" in note]
+    assert len(imported.mechanism.caveats) == felt and len(told) == (felt or options.count("wind"))
+
+
+@pytest.mark.parametrize(
+    ("key", "felt"), [("", 0), ('mpos="1 2 3"', 0), ('mpos="1 2 4"', 1), ('mquat="1 1 0 0"', 1)]
+)
+def test_a_mocap_body_is_a_caveat_where_the_keyframe_moves_it(key, felt, tmp_path):
+    path = model(tmp_path, more=INERTIAL)
+    hand = '<body name="hand" mocap="true" pos="1 2 3"/>'
+    text = path.read_text().replace("<worldbody>", f"<worldbody>{hand}", 1)
+    key = f'<keyframe><key name="home" {key}/></keyframe></mujoco>'
+    path.write_text(text.replace("</mujoco>", key))
+    found = read(path).mechanism.caveats
+    assert len(found) == felt and all("<body 'hand'> is put elsewhere" in each for each in found)
+    assert any("says mocap, which is left out" in note for note in read(path).notes)

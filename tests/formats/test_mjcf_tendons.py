@@ -136,4 +136,5 @@ def test_a_branch_of_a_cable_needs_two_points():
 def test_a_side_that_a_cable_is_to_pass_is_warned_of(arm):
     arm.write_text(ARM.replace('<geom geom="drum"/>', '<geom geom="drum" sidesite="w"/>'))
     (caveat,) = load(arm).mechanism.caveats
+    assert "arm.xml, line " in caveat
     assert "<spatial 't2'> is left out: round a geom a cable passes the shorter way" in caveat

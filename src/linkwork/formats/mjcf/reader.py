@@ -23,7 +23,7 @@ from linkwork.formats.mjcf.loops import Equality, LoopReader, Ties
 from linkwork.formats.mjcf.replicas import every
 from linkwork.formats.mjcf.survey import MAKERS, UNMADE, survey
 from linkwork.formats.mjcf.tendons import TendonReader
-from linkwork.formats.mjcf.tree import COORDINATES, ModelTree, read_tree
+from linkwork.formats.mjcf.tree import COORDINATES, NEAR, ModelTree, read_tree
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.reading import Reading
@@ -81,6 +81,7 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
         for name, node in tree.nodes.items()
     } | joints.bodies
     lifts = _lifts(tree)
+    _moved_by_key(document, tree, notes)
     # What closes loops: tendons, connects and welds, joint equalities.
     tendons = TendonReader(document, loops, joints, names, notes).read(ties.tendons)
     _join_parts(tree, ties, joints, bodies, tendons.used, lifts)
@@ -216,6 +217,35 @@ def _is_part(tree: ModelTree, weld: Equality, body: str) -> bool:
 # ---------------------------------------------------------------------------------------- reference
 
 
+def _home(document: Document) -> Element | None:
+    """Return the keyframe "home", or None."""
+    keys = document.each("keyframe", "key")
+    return next((key for key in keys if key.attributes.get("name") == HOME), None)
+
+
+def _moved_by_key(document: Document, tree: ModelTree, notes: Notes) -> None:
+    """Note the mocap bodies that the keyframe "home" puts elsewhere than where they stand here."""
+    home = _home(document)
+    nodes = [node for node in tree.nodes.values() if node.element.attributes.get("mocap") == "true"]
+    if home is None or not nodes:
+        return
+    # What the keyframe does not say stays as the bodies say.
+    places = np.array([node.pose[:3, 3] for node in nodes])
+    turns = np.array([poses.to_quaternion(node.pose[:3, :3]) for node in nodes])
+    for name, values in (("mpos", places), ("mquat", turns)):
+        given = home.numbers(name, tuple(range(values.size + 1)), ())
+        values.flat[: len(given)] = given
+    # Each beside its own place.
+    for node, p, q in zip(nodes, places, turns, strict=True):
+        X = poses.pose(p, poses.from_quaternion(*q)) if q.any() else poses.pose(p)
+        if np.abs(X - node.pose).max() > NEAR:
+            remark = (
+                "is put elsewhere by the keyframe 'home' (mpos, mquat), which is left out: it "
+                "stands where the body itself says"
+            )
+            notes.on(node.element, remark, alters=True)
+
+
 def _reference(
     document: Document, tree: ModelTree, joints: Joints, closing: dict[str, PairJoint]
 ) -> dict[str, float]:
@@ -224,10 +254,7 @@ def _reference(
     # qpos of the keyframe "home" where there is one, else where the joints stand.
     pieces = tree.pieces()
     positions = tree.positions()
-    home = next(
-        (key for key in document.each("keyframe", "key") if key.attributes.get("name") == HOME),
-        None,
-    )
+    home = _home(document)
     if home is not None and "qpos" in home.attributes:
         counts = [COORDINATES[piece.kind] for _, piece in pieces]
         values = np.array(home.numbers("qpos", (sum(counts),)))
