@@ -119,3 +119,46 @@ def test_a_gimbal_of_massless_rings_is_refused_where_it_locks_only():
     assert np.isfinite(robot.forward_dynamics(robot.state(hinged | free), [0.0])).all()
     with pytest.raises(lw.LinkworkError, match="generalised inertia is singular"):
         robot.forward_dynamics(robot.state(hinged | free | {"turn_1": 0.0}), [0.0])
+
+
+def test_a_body_without_mass_at_the_end_is_refused_by_the_name_of_its_hinge():
+    mechanism = hinges(12)
+    bodies = mechanism.bodies | {"none": lw.Body(mass=0.0)}
+    slack = lw.RevoluteJoint(connects=("body_11", "none"), frames=(lw.Frame(), lw.Frame()))
+    joints = mechanism.joints | {"slack": slack}
+    robot = lw.Robot(lw.Mechanism(bodies=bodies, joints=joints, actuators=("hinge_0",)))
+    assert robot.equations.recursive
+    with pytest.raises(lw.LinkworkError, match=r"rounding hides it \(that of slack\)"):
+        robot.forward_dynamics(robot.home, [0.0])
+
+
+@pytest.mark.parametrize("yaw", [0.0, 4e-6, 1e-2])
+def test_a_point_on_a_neck_is_refused_where_rounding_hides_what_it_moves(yaw):
+    """Pitch and, 1 cm away, roll and yaw of a point mass: at yaw zero a roll and a yaw together
+    turn about the line to the point. Near it the pivot of the roll is told, which leads the pitch
+    so far that its own is rounding; further away the generalised inertia tells all."""
+    mechanism = hinges(12)
+    bodies, joints, last = dict(mechanism.bodies), dict(mechanism.joints), "ground"
+    point = lw.Body(mass=1.3, centre_of_mass=(0, -0.02, -0.11))
+    turns = {"pitch": (0, 0, 0), "roll": (0, np.pi / 2, 0), "yaw": (-np.pi / 2, 0, 0)}
+    for name, rotation in turns.items():
+        bodies[f"of_{name}"] = point if name == "yaw" else lw.Body(mass=0.1)
+        offset = (0.0095 * (name == "roll"), 0, 0)
+        frames = (lw.Frame(position=offset, rotation=rotation), lw.Frame())
+        joints[name] = lw.RevoluteJoint(connects=(last, f"of_{name}"), frames=frames)
+        last = f"of_{name}"
+    robot = lw.Robot(lw.Mechanism(bodies=bodies, joints=joints, actuators=("hinge_0",)))
+    assert robot.equations.recursive
+    neck = {"pitch": 0.0, "roll": 0.0, "yaw": yaw}
+    state = robot.state({f"hinge_{k}": 0.1 * k for k in range(12)} | neck)
+    if yaw < 1e-5:
+        with pytest.raises(lw.LinkworkError, match=r"rounding hides it \(that of roll, yaw\)"):
+            robot.forward_dynamics(state, [0.0])
+        return
+    M = robot.mass_matrix(state)
+    forces = robot.passive_forces(state) - robot.coriolis(state) - robot.gravity(state)
+    own = np.sqrt(np.diag(M))
+    scaled = M / own / own[:, None]
+    expected = np.linalg.solve(scaled, forces / own) / own
+    found = robot.forward_dynamics(state, [0.0])
+    close(found, expected, 1e-14 * np.linalg.cond(scaled))

@@ -14,7 +14,15 @@ Inward, each rate with the motion S = [z; s] is solved for its own acceleration 
 and outward these are filled in:  w' = (u - U . [alpha; a]) / D.  The wrenches N_0, F_0 are those of
 the motion with w' = 0 under weight and applied wrenches, J is a rotor's inertia. The D are the
 pivots of the tree's generalised inertia, eliminated from the leaves inward.
-Source: Featherstone 2008, sec. 7.3.
+
+Rounding, a part eps of H, hides of a pivot what the whole motion has that its rate leads: those
+outward, free to move, follow by rates x_j. With B_i >= H_ii, but for a small factor,
+
+    dD_k <= eps (B_k + sum_j B_j x_j^2),    x_j = -U_j . [z_k; s_k] / D_j
+
+so that a rate may lead another, whose pivot is small but told, so far that its own is lost. As D is
+at least the own body's inertia K, no pair of rates does with (B_j / K_j) (B_k / K_k) below 1 / eps.
+Sources: Featherstone 2008, sec. 7.3; Higham 2002, sec. 10.1.
 """
 
 from __future__ import annotations
@@ -30,6 +38,8 @@ from linkwork.equations.moments import Moments
 from linkwork.equations.orientation import Axes, convert
 from linkwork.equations.tree import Column, Node, Tree
 from linkwork.mechanism import Mechanism
+
+SURE = 1e12  # product of two rates' B / K up to which rounding hides neither
 
 
 @dataclass(frozen=True)
@@ -105,18 +115,39 @@ class Solved:
     x: ca.SX
 
 
+@dataclass(frozen=True)
+class Leading:
+    """Hold what one rate gives a node's origin: it turns about z and slides along s."""
+
+    rate: int
+    z: ca.SX
+    s: ca.SX
+
+    def converted(self, source: Axes, target: Axes) -> Leading:
+        """Return the same in other axes."""
+        return Leading(self.rate, *(convert(x, source, target) for x in (self.z, self.s)))
+
+    def carried(self, node: Node) -> Leading:
+        """Return the same at the origin of a node outward, in its column axes."""
+        s = self.s + cross(self.z, node.r)
+        return Leading(self.rate, self.z, s).converted(node.before, node.column_axes)
+
+
 def accelerations(
     tree: Tree,
     rates: ca.SX,
     forces: ca.SX,
     rotors: ca.SX,
+    bounds: ca.SX,
+    heavy: np.ndarray,
     gravity: ca.SX,
     applied: Wrenches,
 ) -> tuple[ca.SX, ca.SX]:
-    """Return w' (nv) and the pivots D (nv), both in the order of the tree's rates.
+    """Return w' (nv), and what multiplies rounding in each pivot (nv), (B_k + B_j x_j^2) / D_k
+    with the rates next outward, both in the order of the tree's rates.
 
     rates: w; forces: on the tree's rates, those of joints included; rotors: inertia that they add
-    to each rate; applied: as of `inertia_forces`
+    to each rate; applied: as of `inertia_forces`; bounds: B; heavy: B / K
     """
     # Wrenches that hold w' = 0.
     omega = tree.angular_velocities(rates)
@@ -131,21 +162,29 @@ def accelerations(
             solved[node.index].append(own)
         if node.parent >= 0:
             felt[node.parent] += outer.converted(node.column_axes, node.before).shifted(node.r)
-    # Outward: accelerations beside those of w' = 0.
-    result, pivots = SX.zeros(rates.numel()), SX.ones(rates.numel())
+    # Outward: accelerations beside those of w' = 0, and what the rate next inward gives here.
+    result, pivots, led = SX.zeros(rates.numel()), SX.ones(rates.numel()), SX(bounds)
     alpha, a = ([zero()] * (len(tree.nodes) + 1) for _ in range(2))
+    leading: list[Leading | None] = [None] * (len(tree.nodes) + 1)
     for node in tree.nodes:
         p = node.parent
         carried = a[p] + cross(alpha[p], node.r)
         turn, slide = (convert(x, node.before, node.column_axes) for x in (alpha[p], carried))
+        before = leading[p]
+        inward = before and before.carried(node)
         for own in reversed(solved[node.index]):
             x = own.x - dot(own.V_N, turn) - dot(own.V_F, slide)
             turn, slide = turn + own.z * x, slide + own.s * x
             result[own.rate], pivots[own.rate] = x, own.D
+            if inward and heavy[own.rate] * heavy[inward.rate] > SURE:
+                followed = dot(own.V_N, inward.z) + dot(own.V_F, inward.s)
+                led[inward.rate] += bounds[own.rate] * followed**2
+            inward = Leading(own.rate, own.z, own.s)
+        leading[node.index] = inward and inward.converted(node.column_axes, node.axes)
         alpha[node.index], a[node.index] = (
             convert(x, node.column_axes, node.axes) for x in (turn, slide)
         )
-    return result, pivots
+    return result, led / pivots
 
 
 def own_inertia(
@@ -180,6 +219,24 @@ def largest(mechanism: Mechanism, tree: Tree) -> ca.SX:
             masses[p] += masses[i]
             reach = radii[i] + ca.sqrt(2 * masses[i]) * ca.norm_2(node.near_r)
             radii[p] = ca.sqrt(radii[p] ** 2 + reach**2)
+    return found
+
+
+def heaviness(mechanism: Mechanism, tree: Tree, bounds: ca.SX) -> np.ndarray:
+    """Return B / K (nv), K the least inertia that a rate's own body has about any axis or along
+    any direction; infinite where it is zero or no number."""
+    found = np.full(len(tree.rates), np.inf)
+    for node in tree.nodes:
+        body = None if node.body is None else mechanism.bodies.get(node.body)
+        if body is None or len(node.columns) != 1 or node.turns == node.slides:
+            continue
+        [column] = node.columns
+        own = Moments.of_body(body, node.frame_origin)
+        K, bound = SX(own.I if node.turns else own.m), bounds[column.rate]
+        size = ca.sumsqr(column.z if node.turns else column.s)
+        if K.is_constant() and bound.is_constant() and size.is_constant():
+            least = np.linalg.eigvalsh(np.array(ca.DM(K)))[0] * float(size)
+            found[column.rate] = float(bound) / least if least > 0 else np.inf
     return found
 
 

@@ -322,9 +322,12 @@ class Equations:
         forces = ca.mtimes(self.elimination.L, applied) + effects.joint_forces(self.freedoms, w)
         rotors = ca.diag(effects.rotor_inertia(self.freedoms, self.nv))
         wrenches = self.wrenches
-        x, D = articulated.accelerations(tree, w, forces, rotors, self.gravity, wrenches)
-        lost = ca.sumsqr((articulated.largest(self.mechanism, tree) + rotors) / D)
-        x[self.chart.independent[0]] += unless(lost < HIDDEN**-2)
+        bounds = articulated.largest(self.mechanism, tree) + rotors
+        heavy = articulated.heaviness(self.mechanism, tree, bounds)
+        x, lost = articulated.accelerations(
+            tree, w, forces, rotors, bounds, heavy, self.gravity, wrenches
+        )
+        x[self.chart.independent[0]] += unless(ca.sumsqr(lost) < HIDDEN**-2)
         return x[list(self.chart.independent)]
 
     @cached_property

@@ -14,6 +14,7 @@ from linkwork.model.charts import CompiledChart
 MEETING = (
     1e-9  # distance of a spring's ends, over the mechanism's own length, that tells no direction
 )
+PART = 0.1  # of a motion, over its greatest one, from which a rate is named
 
 
 def meeting(chart: CompiledChart, q: np.ndarray) -> list[str]:
@@ -39,6 +40,20 @@ def massless(chart: CompiledChart, q: np.ndarray) -> bool:
     return not np.isfinite(acceleration).all()
 
 
+def motion_of_no_mass(chart: CompiledChart, q: np.ndarray) -> str:
+    """Return the rates that take part in the motion of least inertia at q (nq): the least
+    eigenvector of M in units of each rate in which its own inertia is 1."""
+    equations = chart.equations
+    [values] = equations.tree.evaluated("inertia", [equations.inertia[0]], chart.p)(q)
+    M = np.array(values)
+    own = np.sqrt(np.where(np.diag(M) > 0, np.diag(M), 1.0))
+    if not np.isfinite(M).all():
+        return ""
+    parts = np.abs(np.linalg.eigh(M / own / own[:, None])[1][:, 0])
+    moving = np.flatnonzero(parts > PART * parts.max())
+    return ", ".join(chart.independent[k] for k in moving)
+
+
 def refusal(chart: CompiledChart, q: np.ndarray) -> LinkworkError:
     """Return the refusal of what is not finite at one of the configurations q (..., nq), for finite
     rates and forces."""
@@ -50,11 +65,13 @@ def refusal(chart: CompiledChart, q: np.ndarray) -> LinkworkError:
                 "rest length and damping have no direction to act in; move the pose or its "
                 "points apart, or give neither rest length nor damping"
             )
-    if any(massless(chart, one) for one in configurations):
-        return LinkworkError(
-            "the generalised inertia is singular: some motion moves no mass, or so little that "
-            "rounding hides it; give the moving bodies mass or inertia"
-        )
+        if massless(chart, one):
+            named = motion_of_no_mass(chart, one)
+            return LinkworkError(
+                "the generalised inertia is singular: some motion moves no mass, or so little that "
+                f"rounding hides it{named and f' (that of {named})'}; give the moving bodies mass "
+                "or inertia"
+            )
     return LinkworkError(
         "the numbers here leave the range of doubles; give smaller rates, accelerations and "
         "forces, or check their units"
