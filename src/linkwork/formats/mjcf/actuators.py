@@ -150,7 +150,8 @@ class ActuatorReader:
         joints = [(self.users[piece.name or ""], piece.element) for piece in self.pieces.values()]
         tendons = [(self.pullers[name], element) for name, element in self.tendon_elements.items()]
         for users, element in (*joints, *tendons):
-            own = element.tag == "joint" and users == self.direct[element.attributes["name"]]
+            name = element.attributes.get("name") if element.tag == "joint" else None
+            own = name is not None and users == self.direct[name]
             if not users or (users == 1 and (own or element.tag != "joint")):
                 continue
             if "actuatorfrcrange" in element.attributes:
