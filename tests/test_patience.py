@@ -12,6 +12,8 @@ from linkwork import patience
 from linkwork.cli.terminal import patience as spinner
 from linkwork.patience import announced
 
+from tests.processes import PATIENCE
+
 
 class Terminal(io.StringIO):
     def isatty(self):
@@ -63,7 +65,7 @@ def test_a_fault_is_passed_on_and_ends_the_announcement(terminal):
 def test_files_and_threads_are_not_told(terminal, monkeypatch):
     thread = threading.Thread(target=done)
     thread.start()
-    thread.join()
+    thread.join(PATIENCE)
     monkeypatch.setattr(patience.sys, "stderr", file := io.StringIO())
     done()
     monkeypatch.setattr(patience.sys, "stderr", None)
