@@ -6,7 +6,7 @@ stderr is a file or a pipe, by threads of ensembles and viewers, or by workers.
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from multiprocessing.process import current_process
@@ -25,18 +25,26 @@ def announced(what: str) -> Iterator[None]:
         yield
         return
     started = time.perf_counter()
-    timer = Timer(PATIENCE, _say, [f"{what} ..."])
-    timer.daemon = True
-    timer.start()
     try:
-        with hushed():
+        with later(PATIENCE, lambda: _say(f"{what} ...")), hushed():
             yield
     finally:
-        timer.cancel()
-        timer.join()
         seconds = time.perf_counter() - started
         if seconds > PATIENCE:
             _say(f"{what} took {seconds:.1f} s")
+
+
+@contextmanager
+def later(seconds: float, act: Callable[[], object]) -> Iterator[None]:
+    """Act once what is done here has taken longer than some seconds; acts no more when it ends."""
+    timer = Timer(seconds, act)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        timer.join()
 
 
 @contextmanager

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     import xarray
 
 SHOWN = 8  # names and numbers in a repr
-TOOL = "tool "  # before a task coordinate
 AT_REST = 1e-9  # rate, relative to those of the motions that weight and stiffness cause
 BALANCED = 1e-6  # acceleration, relative to those of weight and stiffness
 INDIFFERENT = 1e-12  # square of a frequency, relative to the largest, and to that of weight

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path
-from threading import Timer
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
-from linkwork.patience import hushed
+from linkwork.patience import hushed, later
 
 PATIENCE = 1.0  # how long nothing is shown [s]
 BETWEEN = 2  # columns of the terminal between those of a table
@@ -151,13 +150,8 @@ def patience(what: str) -> Iterator[None]:
     parts = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
     shown = Progress(*parts, console=terminal, transient=True)
     shown.add_task(f"{what} ...", total=None)
-    timer = Timer(PATIENCE, shown.start)
-    timer.daemon = True
-    timer.start()
     try:
-        with hushed():
+        with later(PATIENCE, shown.start), hushed():
             yield
     finally:
-        timer.cancel()
-        timer.join()
         shown.stop()

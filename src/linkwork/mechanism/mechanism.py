@@ -6,7 +6,7 @@ nothing special: it is what one gets when joints close a cycle. Units are SI, an
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -214,7 +214,8 @@ class Mechanism(Record, Portrayed):
         for name in self.reference:
             require(name, coordinates, "joint", ("reference",))
         # All hangs together.
-        loose = set(self.bodies) - self._reached()
+        joined = neighbours(joint.connects for joint in self.pairs.values())
+        loose = set(self.bodies) - reached(GROUND, joined)
         if loose:
             first = next(name for name in self.bodies if name in loose)
             raise MechanismError(
@@ -232,20 +233,6 @@ class Mechanism(Record, Portrayed):
         for name, joint in self.pairs.items():
             graph.add_edge(*joint.connects, key=name)
         return graph
-
-    def _reached(self) -> set[str]:
-        """Return the bodies to which chains of joints lead from ground, ground among them."""
-        beside: dict[str, list[str]] = {}
-        for first, second in (joint.connects for joint in self.pairs.values()):
-            beside.setdefault(first, []).append(second)
-            beside.setdefault(second, []).append(first)
-        reached, beyond = set[str](), [GROUND]
-        while beyond:
-            body = beyond.pop()
-            if body not in reached:
-                reached.add(body)
-                beyond += beside.get(body, ())
-        return reached
 
     def _check_ratios(
         self,
@@ -415,3 +402,24 @@ def require(name: str, known: Collection[str], kind: str, where: tuple[str, ...]
         raise MechanismError(
             f"there is no {kind} {shown(name)}; the {kind} names are {names}{more}", where
         )
+
+
+def neighbours(connects: Iterable[tuple[str, str]]) -> dict[str, set[str]]:
+    """Return the bodies that joints connect each body to; connects: both bodies of each joint."""
+    found: dict[str, set[str]] = {}
+    for first, second in connects:
+        found.setdefault(first, set()).add(second)
+        found.setdefault(second, set()).add(first)
+    return found
+
+
+def reached(start: str, joined: Mapping[str, set[str]]) -> set[str]:
+    """Return the bodies to which chains of joints lead from a body, itself among them; joined:
+    `neighbours`."""
+    found, beyond = set[str](), [start]
+    while beyond:
+        body = beyond.pop()
+        if body not in found:
+            found.add(body)
+            beyond += joined.get(body, ())
+    return found

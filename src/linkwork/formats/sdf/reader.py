@@ -36,6 +36,7 @@ from linkwork.mechanism import (
     Tool,
 )
 from linkwork.mechanism.body import rigid
+from linkwork.mechanism.mechanism import neighbours, reached
 from linkwork.solids.solid import Solid
 
 LATEST = "1.12"
@@ -129,14 +130,10 @@ def _body(scope: Scope, link: Element, notes: Notes) -> Body:
 def _free(scopes: list[Scope], keys: dict[str, str], reader: JointReader) -> dict[str, Joint]:
     """Return a free joint for the first link of each group that no chain of joints holds to
     ground; the link of a model's own frame comes first."""
-    beside: dict[str, set[str]] = {}
-    for joint in reader.joints.values():
-        if not isinstance(joint, PairJoint):
-            continue
-        one, two = joint.connects
-        beside.setdefault(one, set()).add(two)
-        beside.setdefault(two, set()).add(one)
-    reached = _reached(GROUND, beside)
+    joined = neighbours(
+        joint.connects for joint in reader.joints.values() if isinstance(joint, PairJoint)
+    )
+    held = reached(GROUND, joined)
     moving = [
         (scope, name)
         for scope in scopes
@@ -147,23 +144,13 @@ def _free(scopes: list[Scope], keys: dict[str, str], reader: JointReader) -> dic
     for scope, name in moving:
         key, X = scope.mount(name, scope.element)
         body = keys.get(key, GROUND)
-        if body not in reached:
+        if body not in held:
             free[body] = FreeJoint(connects=(GROUND, body), frames=(poses.frame_of(X), Frame()))
-            reached |= _reached(body, beside)
+            held |= reached(body, joined)
     return {
         reader.names.give(FLOATING if len(free) == 1 else f"{body}_{FLOATING}"): joint
         for body, joint in free.items()
     }
-
-
-def _reached(start: str, beside: dict[str, set[str]]) -> set[str]:
-    reached, beyond = set[str](), [start]
-    while beyond:
-        body = beyond.pop()
-        if body not in reached:
-            reached.add(body)
-            beyond += beside.get(body, ())
-    return reached
 
 
 def _driven(reader: JointReader, loops: bool, root: Element, notes: Notes) -> tuple[str, ...]:
