@@ -6,12 +6,24 @@ from linkwork.model.assembly import UnreachableError
 from linkwork.model.checks import SingularError
 from linkwork.model.reactions import Reactions
 from linkwork.model.state import Motion, State
+from linkwork.robot.dynamics import Dynamics
 from linkwork.robot.facade import Robot
+from linkwork.robot.kinematics import Kinematics
 
 if TYPE_CHECKING:
     from linkwork.runs.ensemble import Ensemble
 
-__all__ = ["Ensemble", "Motion", "Reactions", "Robot", "SingularError", "State", "UnreachableError"]
+__all__ = [
+    "Dynamics",
+    "Ensemble",
+    "Kinematics",
+    "Motion",
+    "Reactions",
+    "Robot",
+    "SingularError",
+    "State",
+    "UnreachableError",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -6,36 +6,29 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork import moved
-from linkwork.errors import LinkworkError
-from linkwork.mechanism.task import labels
-from linkwork.model import checks, evaluation, limits, linear, posing, task
+from linkwork.model import checks, evaluation, posing
 from linkwork.model.assembly import OPEN_LOOPS
-from linkwork.model.model import Model
 from linkwork.model.state import Motion, State
 from linkwork.notebooks import Portrayed
 from linkwork.paths import Path
+from linkwork.robot.dynamics import Dynamics
+from linkwork.robot.kinematics import Kinematics
 from linkwork.runs.settings import settings_of
 
 if TYPE_CHECKING:
     from linkwork.control import Drive, Event, Observation, Wrench
     from linkwork.formats.references import Reference
-    from linkwork.model.linear_model import LinearModel
-    from linkwork.model.reactions import Reactions
-    from linkwork.model.tool_motion import LedMotion, ToolMotion
     from linkwork.runs.ensemble import Ensemble
     from linkwork.runs.running import Forces
     from linkwork.simulation import MethodName, Run, Sampled, Signal
 
-Weights = ArrayLike | Mapping[str, float] | None
 
-
-class Robot(Model, Portrayed):
+class Robot(Dynamics, Portrayed):
     """Derive, compile and evaluate the exact equations of motion of a mechanism in independent
     rates v.
 
@@ -125,8 +118,8 @@ class Robot(Model, Portrayed):
 
     def __dir__(self) -> list[str]:
         """Return the names that are for users, and none that modules of the library ask for."""
-        own = (name for name in vars(Robot) if not name.startswith("_") and name not in FORMER)
-        return sorted({*HELD, *own})
+        own = (name for part in (Robot, Dynamics, Kinematics) for name in vars(part))
+        return sorted({*HELD, *(name for name in own if name[0] != "_" and name not in FORMER)})
 
     def free(self, *paths: str) -> Robot:
         """Return the robot with some numbers of its description free: `with_parameters` then
@@ -263,317 +256,6 @@ class Robot(Model, Portrayed):
                 determine the motion there.
         """
         return evaluation.in_chart(self, state, checks.names(independent, "independent"))
-
-    # Equations of motion
-
-    def forward_dynamics(
-        self, state: State, forces: ArrayLike | Mapping[str, ArrayLike]
-    ) -> np.ndarray:
-        """Return the accelerations of the independent rates, v' = M^-1 (S' u + f - C v - G)
-        (paper, Eq. (9)).
-
-        Args:
-            state: configuration and rates.
-            forces: u of the actuators (..., actuators) [N, N m], in the order of `actuators`, or by
-                name (others zero).
-
-        Returns:
-            v' (..., n) [m/s^2, rad/s^2], in the order of the state's `independent`.
-
-        Raises:
-            LinkworkError: wrong shape, numbers that are not finite, a configuration where these
-                rates do not determine the motion.
-        """
-        u = checks.actuator_forces(forces, self.actuators)
-        return evaluation.dynamics(self, "motion", state, u, "forces")
-
-    @overload
-    def inverse_dynamics(
-        self,
-        motion: State,
-        accelerations: ArrayLike | Mapping[str, ArrayLike],
-        *,
-        weights: Weights = None,
-    ) -> np.ndarray: ...
-
-    @overload
-    def inverse_dynamics(
-        self, motion: Motion, accelerations: None = None, *, weights: Weights = None
-    ) -> Sampled: ...
-
-    def inverse_dynamics(
-        self,
-        motion: State | Motion,
-        accelerations: ArrayLike | Mapping[str, ArrayLike] | None = None,
-        *,
-        weights: Weights = None,
-    ) -> np.ndarray | Sampled:
-        """Return the actuator forces that a state and accelerations, or a whole motion, need: S' u
-        = M v' + C v + G - f.
-
-        With more actuators than freedoms these are the forces of least  sum weight_i u_i^2
-        (`internal_forces` may be added); with fewer they are not defined.
-
-        Args:
-            motion: a state, or a `Motion` (whose own accelerations are then taken).
-            accelerations: v' (..., n) [m/s^2, rad/s^2] in the order of the state's `independent`,
-                with a state.
-            weights: of the actuators (positive), in their order or by name; all 1 if left out.
-
-        Returns:
-            u (..., actuators) [N, N m]; for a motion a `Sampled` signal over its times, to simulate
-            with.
-
-        Raises:
-            LinkworkError: directions that no actuator drives, by name; an actuator-singular
-                configuration.
-        """
-        if isinstance(motion, Motion):
-            from linkwork.simulation import Sampled
-
-            forces = evaluation.actuator_forces(self, motion.state, motion.accelerations, weights)
-            return Sampled(motion.time, forces)
-        if accelerations is None:
-            raise LinkworkError("give the accelerations of the independent rates with a state")
-        return evaluation.actuator_forces(self, motion, accelerations, weights)
-
-    def actuation(self, state: State) -> np.ndarray:
-        """Return S (..., actuators, n): the actuated rates are S v, and forces u of the actuators
-        act as S' u on v."""
-        return evaluation.actuation_map(self, state)
-
-    def internal_forces(self, state: State) -> np.ndarray:
-        """Return an orthonormal basis (actuators, k) of the actuator forces that do not act on the
-        motion, S' u = 0.
-
-        There are k = actuators - n of them where the robot has more actuators than freedoms, none
-        otherwise.
-        """
-        return evaluation.internal_forces(self, state)
-
-    def holding_forces(self, state: State) -> np.ndarray:
-        """Return the least actuator forces u (actuators) [N, N m] that hold a pose at rest, S' u =
-        G - f.
-
-        Raises:
-            LinkworkError: a stack of states; a pose that no forces of the actuators hold.
-        """
-        return linear.holding_forces(self, state)
-
-    def linearise(
-        self,
-        state: State,
-        forces: ArrayLike | Mapping[str, float] | None = None,
-        *,
-        outputs: Sequence[str] | None = None,
-        inputs: Sequence[str] | None = None,
-    ) -> LinearModel:
-        """Return the linear model x' = A x + B u, y = C x + D u of small deviations from a state
-        and its forces, x = (xi, dv), xi' = dv + Gamma xi: `linkwork.analysis.linearise`.
-
-        Args:
-            state: one state; forces: u of the actuators, or by name (others zero); zero if left
-                out; outputs, inputs: names of y and u, as there.
-
-        Raises:
-            LinkworkError: a stack of states, forces of wrong length, a singular configuration.
-        """
-        from linkwork.model.linear_model import linearise
-
-        return linearise(self, state, forces, outputs=outputs, inputs=inputs)
-
-    def linearised(self, state: State, forces: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Return A and B of `linearise`, by its former name."""
-        moved.warn("Robot.linearised", "Robot.linearise, whose model holds A and B,")
-        model = self.linearise(state, forces)
-        return model.A, model.B
-
-    def mass_matrix(self, state: State) -> np.ndarray:
-        """Return the generalised inertia M (..., n, n) in the independent rates
-        (paper, Eq. (10))."""
-        return evaluation.terms(self, state).M
-
-    def coriolis(self, state: State) -> np.ndarray:
-        """Return the Coriolis and centrifugal forces C v (..., n) [N, N m] (paper, Eq. (11))."""
-        return evaluation.terms(self, state).Cv
-
-    def gravity(self, state: State) -> np.ndarray:
-        """Return the forces G (..., n) [N, N m] that hold the weight (paper, Eq. (12))."""
-        return evaluation.terms(self, state).G
-
-    def passive_forces(self, state: State) -> np.ndarray:
-        """Return the forces f (..., n) [N, N m] of springs, dampers and friction on the independent
-        rates."""
-        return evaluation.terms(self, state).f
-
-    def rate_map(self, state: State) -> np.ndarray:
-        """Return L (..., m, n): rates of all joints, in the order of `rates`, from the independent
-        ones (paper, Eq. (7))."""
-        return evaluation.maps(self, state)[0]
-
-    def twist_map(self, state: State) -> np.ndarray:
-        """Return T (..., 6r, n): twists [omega; v of the mass centre] of all bodies, in the
-        ground's axes (paper, Eq. (6))."""
-        return evaluation.maps(self, state)[1]
-
-    def energy(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Return the kinetic energy v' M v / 2 and the potential energy of weight and springs (...)
-        [J]."""
-        kinetic, potential, pivot = evaluation.outputs(self, "energy", self.own(state), state.rates)
-        evaluation.require_regular(self, state, pivot, kinetic, state.rates, "rates")
-        return kinetic[..., 0], potential[..., 0]
-
-    def reactions(
-        self,
-        state: State,
-        forces: ArrayLike | Mapping[str, ArrayLike],
-        *,
-        frame: str = "ground",
-        length: float | None = None,
-    ) -> Reactions:
-        """Return the wrench [moment; force] that every joint transmits from its first to its second
-        body.
-
-        All of it: with the forces of actuator, spring, friction and gears in the joint;
-        `constraint` is without them. Where constraints depend on each other the least wrenches are
-        given, and `indeterminate` names what is open.
-
-        Args:
-            state: configuration and rates; forces: u of the actuators (..., actuators) [N, N m], or
-                by name (others zero). The bodies accelerate as `forward_dynamics` tells.
-            frame: "ground" (about F1's origin in the ground's axes), "first" (F1's axes) or
-                "second" (about F2's origin, F2's axes).
-            length: [m] by which moments are divided where the least wrenches are chosen; the
-                joints' root mean square distance from their middle at home if left out.
-
-        Raises:
-            LinkworkError: as `forward_dynamics`; another frame.
-        """
-        from linkwork.model.reactions import reactions
-
-        return reactions(self, state, forces, frame, length)
-
-    # Kinematics
-
-    def joint_rates(self, state: State) -> np.ndarray:
-        """Return the rates of all joints (..., m) [m/s, rad/s], in the order of `rates`."""
-        return evaluation.joints_motion(self, state, 0 * self.own(state).rates)[1]
-
-    def joint_accelerations(self, state: State, accelerations: ArrayLike) -> np.ndarray:
-        """Return the accelerations of all joints (..., m) for those of the independent rates, L v'
-        + L' v."""
-        v_dot = checks.vector(
-            accelerations, "accelerations", self.own(state).independent, "independent rate"
-        )
-        return evaluation.joints_motion(self, state, v_dot)[2]
-
-    def body_poses(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Return the origin p_0B (..., 3) [m] and the matrix R_0B (..., 3, 3) of each body's frame,
-        by name."""
-        origins, orientations, *_ = self.kernel("bodies_motion")(
-            self.own(state).q, np.zeros(self.mobility)
-        )
-        p = origins.reshape(*state.batch, len(self.bodies), 3)
-        R = orientations.reshape(*state.batch, len(self.bodies), 3, 3)
-        return {name: (p[..., i, :], R[..., i, :, :]) for i, name in enumerate(self.bodies)}
-
-    def twists(self, state: State) -> np.ndarray:
-        """Return the twists t_i = [omega; v of the mass centre] of the bodies (..., r, 6), in the
-        ground's axes."""
-        *_, twists, pivot = evaluation.outputs(self, "bodies_motion", self.own(state), state.rates)
-        evaluation.require_regular(self, state, pivot, twists, state.rates, "rates")
-        return twists.reshape(*state.batch, len(self.bodies), 6)
-
-    def tool_pose(self, state: State) -> np.ndarray:
-        """Return the tool's pose: x, y, angle (..., 3) in the plane; x, y, z, rotation vector
-        (..., 6) in space [m, rad]."""
-        return self.tool_poses(self.own(state).q)
-
-    @property
-    def task(self) -> tuple[str, ...]:
-        """Names of the coordinates in which the tool is led: those of its description, or those
-        that are plain at home (all, the position, the orientation, or what alone moves there); none
-        where neither is.
-        """
-        return labels(task.task_if_any(self) or ()) if self.mechanism.tools else ()
-
-    def task_values(self, state: State, what: Sequence[str] | None = None) -> np.ndarray:
-        """Return the tool's task coordinates (..., k) [m, rad].
-
-        Args:
-            state: one or a stack.
-            what: names of coordinates, of the task or of any pose, such as "torsion" or "rx": how
-                these move along (parasitic motion); those of the `task` if left out.
-        """
-        return task.values(self, self.own(state).q, self._task(what))
-
-    def jacobian(self, state: State, what: Sequence[str] | None = None) -> np.ndarray:
-        """Return the task Jacobian J (..., k, n) of the tool: x' = J v.
-
-        Of all of rx, ry, rz together the rows are those of the angular velocity.
-
-        Args:
-            state: one or a stack; v in the order of its `independent`.
-            what: as in `task_values`.
-
-        Raises:
-            LinkworkError: coordinates without rates at the pose, such as an azimuth where the tool
-                is upright; a configuration where the rates do not determine the motion.
-        """
-        return self._led(state, what).jacobian
-
-    def task_rates(self, state: State, what: Sequence[str] | None = None) -> np.ndarray:
-        """Return x' = J v (..., k) [m/s, rad/s] of the tool's task coordinates; as `jacobian`."""
-        return self._led(state, what).rates
-
-    def task_accelerations(
-        self,
-        state: State,
-        accelerations: ArrayLike | Mapping[str, ArrayLike],
-        what: Sequence[str] | None = None,
-    ) -> np.ndarray:
-        """Return x'' = J v' + J' v (..., k) [m/s^2, rad/s^2] of the tool's task coordinates, for
-        accelerations v' (..., n) of the state's `independent` rates; as `jacobian`."""
-        return self._led(state, what, accelerations).accelerations
-
-    def tool_twist(self, state: State) -> np.ndarray:
-        """Return the tool's twist [omega; v of its origin] (..., 6) [rad/s, m/s], in the axes of
-        the ground, or of the body that it is relative to."""
-        return self._tool_motion(state).twist
-
-    def tool_acceleration(
-        self, state: State, accelerations: ArrayLike | Mapping[str, ArrayLike]
-    ) -> np.ndarray:
-        """Return [alpha; a of its origin] (..., 6) [rad/s^2, m/s^2] of the tool, the derivative of
-        its twist, for accelerations v' (..., n) of the state's `independent` rates."""
-        return self._tool_motion(state, accelerations).acceleration
-
-    def _tool_motion(self, state: State, accelerations: Any = None) -> ToolMotion:
-        from linkwork.model.tool_motion import tool_motion
-
-        if accelerations is None:
-            return tool_motion(self, state)
-        names = self.own(state).independent
-        v_dot = checks.vector(accelerations, "accelerations", names, "independent rate")
-        return tool_motion(self, state, v_dot)
-
-    def _led(
-        self, state: State, what: Sequence[str] | None, accelerations: Any = None
-    ) -> LedMotion:
-        return self._tool_motion(state, accelerations).led(self._task(what))
-
-    def _task(self, what: Sequence[str] | None) -> task.Task:
-        return task.task_of(self) if what is None else task.known(self, checks.names(what, "what"))
-
-    def closure_error(self, state: State) -> np.ndarray:
-        """Return the largest loop residual max |phi| (...), redundant rows included: gaps over the
-        own length, and rad."""
-        q = self.own(state).q
-        return np.maximum(self.kernel("closure_step")(q)[1][..., 0], self.chart.unheld_gap(q))
-
-    def limits_passed(self, state: State) -> tuple[str, ...]:
-        """Return one sentence for each joint coordinate that lies outside its limits in a state."""
-        return limits.passed(self, self.own(state).positions)
 
     # Simulation
 

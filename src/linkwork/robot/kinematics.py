@@ -1,0 +1,152 @@
+"""Kinematics of a robot at a state: rates and accelerations, poses and twists, the tool in its
+task's coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.mechanism.task import labels
+from linkwork.model import checks, evaluation, limits, task
+from linkwork.model.model import Model
+from linkwork.model.state import State
+
+if TYPE_CHECKING:
+    from linkwork.model.tool_motion import LedMotion, ToolMotion
+
+
+class Kinematics(Model):
+    """How joints, bodies and tool move in a state (paper, Eqs. (6), (7))."""
+
+    def rate_map(self, state: State) -> np.ndarray:
+        """Return L (..., m, n): rates of all joints, in the order of `rates`, from the independent
+        ones (paper, Eq. (7))."""
+        return evaluation.maps(self, state)[0]
+
+    def twist_map(self, state: State) -> np.ndarray:
+        """Return T (..., 6r, n): twists [omega; v of the mass centre] of all bodies, in the
+        ground's axes (paper, Eq. (6))."""
+        return evaluation.maps(self, state)[1]
+
+    def joint_rates(self, state: State) -> np.ndarray:
+        """Return the rates of all joints (..., m) [m/s, rad/s], in the order of `rates`."""
+        return evaluation.joints_motion(self, state, 0 * self.own(state).rates)[1]
+
+    def joint_accelerations(self, state: State, accelerations: ArrayLike) -> np.ndarray:
+        """Return the accelerations of all joints (..., m) for those of the independent rates, L v'
+        + L' v."""
+        v_dot = checks.vector(
+            accelerations, "accelerations", self.own(state).independent, "independent rate"
+        )
+        return evaluation.joints_motion(self, state, v_dot)[2]
+
+    def body_poses(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Return the origin p_0B (..., 3) [m] and the matrix R_0B (..., 3, 3) of each body's frame,
+        by name."""
+        origins, orientations, *_ = self.kernel("bodies_motion")(
+            self.own(state).q, np.zeros(self.mobility)
+        )
+        p = origins.reshape(*state.batch, len(self.bodies), 3)
+        R = orientations.reshape(*state.batch, len(self.bodies), 3, 3)
+        return {name: (p[..., i, :], R[..., i, :, :]) for i, name in enumerate(self.bodies)}
+
+    def twists(self, state: State) -> np.ndarray:
+        """Return the twists t_i = [omega; v of the mass centre] of the bodies (..., r, 6), in the
+        ground's axes."""
+        *_, twists, pivot = evaluation.outputs(self, "bodies_motion", self.own(state), state.rates)
+        evaluation.require_regular(self, state, pivot, twists, state.rates, "rates")
+        return twists.reshape(*state.batch, len(self.bodies), 6)
+
+    def tool_pose(self, state: State) -> np.ndarray:
+        """Return the tool's pose: x, y, angle (..., 3) in the plane; x, y, z, rotation vector
+        (..., 6) in space [m, rad]."""
+        return self.tool_poses(self.own(state).q)
+
+    @property
+    def task(self) -> tuple[str, ...]:
+        """Names of the coordinates in which the tool is led: those of its description, or those
+        that are plain at home (all, the position, the orientation, or what alone moves there); none
+        where neither is.
+        """
+        return labels(task.task_if_any(self) or ()) if self.mechanism.tools else ()
+
+    def task_values(self, state: State, what: Sequence[str] | None = None) -> np.ndarray:
+        """Return the tool's task coordinates (..., k) [m, rad].
+
+        Args:
+            state: one or a stack.
+            what: names of coordinates, of the task or of any pose, such as "torsion" or "rx": how
+                these move along (parasitic motion); those of the `task` if left out.
+        """
+        return task.values(self, self.own(state).q, self._task(what))
+
+    def jacobian(self, state: State, what: Sequence[str] | None = None) -> np.ndarray:
+        """Return the task Jacobian J (..., k, n) of the tool: x' = J v.
+
+        Of all of rx, ry, rz together the rows are those of the angular velocity.
+
+        Args:
+            state: one or a stack; v in the order of its `independent`.
+            what: as in `task_values`.
+
+        Raises:
+            LinkworkError: coordinates without rates at the pose, such as an azimuth where the tool
+                is upright; a configuration where the rates do not determine the motion.
+        """
+        return self._led(state, what).jacobian
+
+    def task_rates(self, state: State, what: Sequence[str] | None = None) -> np.ndarray:
+        """Return x' = J v (..., k) [m/s, rad/s] of the tool's task coordinates; as `jacobian`."""
+        return self._led(state, what).rates
+
+    def task_accelerations(
+        self,
+        state: State,
+        accelerations: ArrayLike | Mapping[str, ArrayLike],
+        what: Sequence[str] | None = None,
+    ) -> np.ndarray:
+        """Return x'' = J v' + J' v (..., k) [m/s^2, rad/s^2] of the tool's task coordinates, for
+        accelerations v' (..., n) of the state's `independent` rates; as `jacobian`."""
+        return self._led(state, what, accelerations).accelerations
+
+    def tool_twist(self, state: State) -> np.ndarray:
+        """Return the tool's twist [omega; v of its origin] (..., 6) [rad/s, m/s], in the axes of
+        the ground, or of the body that it is relative to."""
+        return self._tool_motion(state).twist
+
+    def tool_acceleration(
+        self, state: State, accelerations: ArrayLike | Mapping[str, ArrayLike]
+    ) -> np.ndarray:
+        """Return [alpha; a of its origin] (..., 6) [rad/s^2, m/s^2] of the tool, the derivative of
+        its twist, for accelerations v' (..., n) of the state's `independent` rates."""
+        return self._tool_motion(state, accelerations).acceleration
+
+    def _tool_motion(self, state: State, accelerations: Any = None) -> ToolMotion:
+        from linkwork.model.tool_motion import tool_motion
+
+        if accelerations is None:
+            return tool_motion(self, state)
+        names = self.own(state).independent
+        v_dot = checks.vector(accelerations, "accelerations", names, "independent rate")
+        return tool_motion(self, state, v_dot)
+
+    def _led(
+        self, state: State, what: Sequence[str] | None, accelerations: Any = None
+    ) -> LedMotion:
+        return self._tool_motion(state, accelerations).led(self._task(what))
+
+    def _task(self, what: Sequence[str] | None) -> task.Task:
+        return task.task_of(self) if what is None else task.known(self, checks.names(what, "what"))
+
+    def closure_error(self, state: State) -> np.ndarray:
+        """Return the largest loop residual max |phi| (...), redundant rows included: gaps over the
+        own length, and rad."""
+        q = self.own(state).q
+        return np.maximum(self.kernel("closure_step")(q)[1][..., 0], self.chart.unheld_gap(q))
+
+    def limits_passed(self, state: State) -> tuple[str, ...]:
+        """Return one sentence for each joint coordinate that lies outside its limits in a state."""
+        return limits.passed(self, self.own(state).positions)
