@@ -8,10 +8,18 @@
     constraint  rank Phi < its rank elsewhere: the loops themselves let go of a freedom
 
 At one state the kinds are told by singular values: of the rows of the tool and of the actuators on
-the motions that the loops allow, and of Phi. Over a workspace or along a motion the signed
-determinants are smooth functions of q, whose zeros are the loci. The way to a locus is |det| / |d
-det / ds|, to first order: kind II by the way s of the tool (turns times the characteristic length),
-kind I by that of the actuators, in which the determinants change regularly.
+the motions that the loops allow, and of Phi:
+
+    index = sigma_n / sigma_1  min(1, s / SEEN)
+
+The largest vanishes with the smallest where all legs are stretched at once, or where there is a
+single freedom. It is therefore also compared with the joints' own rates: s is the largest singular
+value where these, and what they move, are in the mechanism's own units.
+
+Over a workspace or along a motion the signed determinants are smooth functions of q, whose zeros
+are the loci. The way to a locus is |det| / |d det / ds|, to first order: kind II by the way s of
+the tool (turns times the characteristic length), kind I by that of the actuators, in which the
+determinants change regularly.
 
 Source: Gosselin & Angeles, IEEE Trans. Robotics and Automation 6 (1990) 281-290; Zlatanov, Bonev &
 Gosselin, ICRA 2002 (constraint singularities).
@@ -35,7 +43,7 @@ from linkwork.mechanism.task import labels
 from linkwork.model import checks, dexterity
 from linkwork.model.asked import task_rows
 from linkwork.model.labels import POSE_ANGLES, POSES
-from linkwork.model.task import task_if_any
+from linkwork.model.task import Task, task_if_any
 from linkwork.patience import announced
 from linkwork.robot import Motion, Robot, State
 from linkwork.simulation import Run
@@ -44,9 +52,9 @@ if TYPE_CHECKING:
     import xarray
 
 BOUND = 1e-6
-VANISHING = 1e-9
-"""Of what the rows measure on all motions: what they measure on those that the loops allow is
-rounding."""
+SEEN = 0.1
+"""Singular value in own units from which on rows see motions of the joints well: a tenth of one
+joint's rate."""
 SENTENCES = {
     "I": "leg-singular: joints can move with {held} held still",
     "II": "actuator-singular: the tool can move with the actuators locked",
@@ -65,7 +73,8 @@ class Singularity:
     kinds: of "I", "II", "III" and "constraint"; empty where the state is regular
     leg, actuator, constraint: smallest over largest singular value of the tool's rows and the
         actuators' rows on the motions that the loops allow, and of the loops' rows; free of units,
-        0 singular
+        0 singular. Where rows see less than a tenth of the joints' rates, in the mechanism's own
+        units, in all of these motions (all legs nearly stretched at once), times that part of it
     tool: for kind II the tool's motion with the actuators locked, by coordinate [m/s, rad/s], its
         largest 1; else empty
     held: what of the tool kind I was judged by
@@ -115,7 +124,8 @@ def singularity(
     # x' = J_x w and q_a' = J_q w on these: what neither moves is singular.
     J_x, J_q = asked.x_scale[:, None] * J_x, asked.q_scale[:, None] * J_q
     X, Q = J_x @ allowed, J_q @ allowed
-    leg, actuator = (ratio(part, len(Q), J / columns) for part, J in ((X, J_x), (Q, J_q)))
+    own = dexterity.allowed(robot, q[None], asked.task, own=True)
+    leg, actuator = (index(part, len(Q), in_own) for part, in_own in ((X, own.X[0]), (Q, own.Q[0])))
     # Kinds by Gosselin & Angeles (1990), and loops that let go.
     kinds = (
         ["III"]
@@ -142,10 +152,15 @@ class Watched:
     """
 
     robot: Robot
-    what: tuple[str, ...]
+    task: Task
     rows: ca.Function
     x_scale: np.ndarray
     q_scale: np.ndarray
+
+    @property
+    def what(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return labels(self.task)
 
     @property
     def held(self) -> str:
@@ -162,7 +177,7 @@ def watched(robot: Robot, what: tuple[str, ...] | None) -> Watched:
     if what is not None or stated is not None:
         made = jacobians(robot, labels(stated or ()) if what is None else what)
         return Watched(
-            robot, made.what, stacked_rows(robot, made.inverse.J, made.direct.J), *made.lengths()
+            robot, made.task, stacked_rows(robot, made.inverse.J, made.direct.J), *made.lengths()
         )
     whole, direct = POSES[robot.planar], of_actuators(robot)
     scale = np.where([name in POSE_ANGLES for name in whole], dexterity.extent(robot), 1.0)
@@ -184,11 +199,12 @@ def null_space(A: np.ndarray, rank: int, bound: float) -> np.ndarray:
     return V[min(rank, int(np.sum(sigma > bound * sigma[0]))) :].T
 
 
-def ratio(A: np.ndarray, n: int, rows: np.ndarray) -> float:
-    """Return the singular value number n of a matrix over the largest; where A vanishes beside its
-    rows, about 0."""
+def index(A: np.ndarray, n: int, own: np.ndarray) -> float:
+    """Return the singular value number n of a matrix over the largest, times the largest in own
+    units where that is small."""
     sigma = np.linalg.svd(A, compute_uv=False)
-    return float(sigma[n - 1] / max(sigma[0], VANISHING * float(np.linalg.norm(rows)), 1e-300))
+    seen = min(1.0, float(np.linalg.norm(own, 2)) / SEEN)
+    return float(sigma[n - 1] / max(sigma[0], 1e-300)) * seen
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,27 +31,31 @@ if TYPE_CHECKING:
     from linkwork.model.model import Model
 
 HARDLY = 1e-3  # of the largest length and its inverse: turns hardly move the actuators, or shifts
-LOST = 1e-12  # singular value, over the largest, that is none
+LOST = 1e-12  # singular value, over the largest and in own units, that is none
 
 
 @dataclass(frozen=True, eq=False)
 class Allowed:
     """Hold what the motions that the loops allow do at configurations (K): Q (K, a, n) of the
-    actuated rates and X (K, k, n) of the task coordinates, where there is a task."""
+    actuated rates and X (K, k, n) of the task coordinates, where there is a task.
+
+    units: the mechanism's own of the task coordinates (k), in which X is
+    """
 
     Q: np.ndarray
     X: np.ndarray
+    units: np.ndarray
 
     @property
     def led(self) -> np.ndarray:
         """Which configurations (K) are not leg-singular."""
         values = np.linalg.svd(self.X, compute_uv=False)
-        return values[:, -1] > LOST * np.maximum(values[:, 0], 1e-300)
+        return values[:, -1] > LOST * np.maximum(values[:, 0], 1.0)
 
     @property
     def K(self) -> np.ndarray:
         """K (K, a, k) of q' = K x'."""
-        return self.Q @ np.linalg.pinv(self.X, rcond=LOST)
+        return self.Q @ np.linalg.pinv(self.X, rcond=LOST) / self.units
 
 
 def actuated(robot: Model) -> tuple[str, ...]:
@@ -63,8 +67,8 @@ def actuated(robot: Model) -> tuple[str, ...]:
 def allowed(
     robot: Model, q: np.ndarray, task: Task, p: np.ndarray | None = None, own: bool = False
 ) -> Allowed:
-    """Return what allowed motions do at configurations (K, nq); own: in the mechanism's own
-    units."""
+    """Return what allowed motions do at configurations (K, nq); own: the actuated rates, too, in
+    the mechanism's own units."""
     tree, rows = robot.equations.tree, robot.equations.rows
     asked = ToolAsked(task, tree.length, robot.planar)
     least = Least(robot.kernel("assembly"), tree, rows.units, asked, ModeStages())
@@ -81,9 +85,8 @@ def allowed(
         J = out["J_coordinates"][:, [robot.rates.index(name) for name in names]]
     units = [tree.length if own and robot.unit(name) == "m" else 1.0 for name in names]
     X = asked.jacobian(out) @ Z if task else np.zeros((len(q), 0, Z.shape[-1]))
-    return Allowed(
-        np.broadcast_to(J / np.array(units)[:, None] @ Z, (len(q), len(names), Z.shape[-1])), X
-    )
+    Q = np.broadcast_to(J / np.array(units)[:, None] @ Z, (len(q), len(names), Z.shape[-1]))
+    return Allowed(Q, X / asked.units[:, None], asked.units)
 
 
 def scales(robot: Model, task: Task, length: float) -> tuple[np.ndarray, np.ndarray]:
