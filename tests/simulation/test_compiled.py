@@ -1,8 +1,10 @@
 """The integrator is compiled once per machine, says so, and is not even loaded before it is
 needed."""
 
+import ast
 import importlib
 import importlib.util
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from numba import cfunc, types
 from numba.core.registry import cpu_target
 from simulation_problems import KERNEL, van_der_pol, van_der_pol_jacobian
 
+from linkwork import simulation
 from linkwork.simulation import (
     DORMAND_PRINCE,
     RK4,
@@ -217,3 +220,37 @@ def test_a_loop_has_one_signature_whatever_it_is_given(method):
             )  # fmt: skip
             assert run.success
     assert len((native_rosenbrock if method.stiff else native).integrate.signatures) == 1
+
+
+def let_go(tree: ast.Module) -> list[str]:
+    """Return the arrays that a function makes and points to, but names last in doing so: Numba
+    frees memory behind its last name."""
+    found = []
+    for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)):
+        made, named, pointed = set(), {}, {}
+        for node in ast.walk(function):
+            if isinstance(node, ast.Assign) and ast.unparse(node.value).startswith(MADE):
+                made |= {ast.unparse(target) for target in node.targets}
+            if isinstance(node, ast.Name):
+                named[node.id] = max(named.get(node.id, 0), node.lineno)
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in POINTING:
+                for name in (own.id for own in ast.walk(node) if isinstance(own, ast.Name)):
+                    pointed[name] = max(pointed.get(name, 0), node.lineno)
+        found += [
+            f"{function.name}: {name}" for name in made & pointed.keys()
+            if named[name] <= pointed[name]
+        ]  # fmt: skip
+    return found
+
+
+MADE, POINTING = ("np.empty(", "np.zeros(", "room("), ("pointer", "as_table")
+
+
+def test_memory_that_is_pointed_to_lives_to_the_end_of_its_function():
+    """Freed memory is written over by others: runs by tables were wrong now and then, and ended
+    the process."""
+    modules = Path(simulation.__file__).parent.glob("*.py")
+    loose = {path.name: let_go(ast.parse(path.read_text())) for path in modules}
+    assert {name: found for name, found in loose.items() if found} == {}
+    forgotten = "def f(n):\n    room = np.empty(n)\n    p = pointer(room)\n    return p[0]"
+    assert let_go(ast.parse(forgotten)) == ["f: room"]

@@ -119,6 +119,7 @@ def eliminated(t, Phi, W):
                         for j in range(k + size, width):
                             W[i * width + j] -= factor * W[(k + a) * width + j]
         k += size
+    room[0] = 0  # its memory lives to here
     return 1.0 if first else weakest
 
 
@@ -239,6 +240,7 @@ def motion(x, out, t):
             result[i] += W[k * width + d + i] * forces[int(columns[k])]
     solved_positive(M, n, result)
     result[n] = pivot
+    room[0] = 0  # its memory lives to here
 
 
 def closure_step(x, out, t):
@@ -264,6 +266,7 @@ def closure_step(x, out, t):
     for i in range(parameters):
         s[nq + nv + i] = x[nq + i]
     call(int(t[SIZES + 2]), s, out)
+    step[0] = room[0] = 0  # their memory lives to here
 
 
 def tree_rates(x, out, t):
@@ -274,6 +277,7 @@ def tree_rates(x, out, t):
     pivot = opened(t, x, x + (nq + n), W, W + d * (n + 2 * d))
     whole(t, W, x + nq, out)
     out[nv] = pivot
+    room[0] = 0  # its memory lives to here
 
 
 @cache
