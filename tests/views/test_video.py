@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
-from matplotlib.animation import FFMpegWriter
 from PIL import Image, ImageSequence
 
 import linkwork as lw
 from linkwork.errors import LinkworkError
-from linkwork.views import write_video
+from linkwork.views import video, write_video
+
+from tests.processes import PATIENCE
 
 ORANGE = np.array([230, 159, 0])
 
@@ -33,20 +38,25 @@ def test_frames_show_the_run_at_their_times(slider, tmp_path):
     """x = F t^2 / (2 m): to the right as the square of the time, without jumps."""
     robot, run = slider
     path = write_video(robot, run, tmp_path / "cart.gif", fps=5)
-    with Image.open(path) as video:
-        assert video.n_frames == 11 and video.info["duration"] == 200 and video.info["loop"] == 0
-        places = np.array([spots(frame) for frame in ImageSequence.Iterator(video)])
+    with Image.open(path) as found:
+        assert found.n_frames == 11 and found.info["duration"] == 200 and found.info["loop"] == 0
+        assert_pushed(ImageSequence.Iterator(found))
+
+
+def assert_pushed(frames) -> None:
+    """Hold what eleven frames show against the closed solution."""
+    places = np.array([spots(frame) for frame in frames])
     way = places[:, 1] - places[0, 1]
-    assert np.ptp(places[:, 0]) < 1
+    assert len(places) == 11 and np.ptp(places[:, 0]) < 1
     assert way / way[-1] == pytest.approx(np.linspace(0, 1, 11) ** 2, abs=0.02)
 
 
 def test_robots_in_space_and_slower(spatial, tmp_path):
     run = spatial.simulate(spatial.home, duration=0.02)
     path = write_video(spatial, run, tmp_path / "space.gif", fps=10, speed=0.1)
-    with Image.open(path) as video:
-        lengths = [frame.info["duration"] for frame in ImageSequence.Iterator(video)]
-        assert sum(lengths) == 300 and video.size == (500, 500)
+    with Image.open(path) as found:
+        lengths = [frame.info["duration"] for frame in ImageSequence.Iterator(found)]
+        assert sum(lengths) == 300 and found.size == (500, 500)
 
 
 @pytest.mark.parametrize(
@@ -64,9 +74,43 @@ def test_refusals(slider, tmp_path, name, options, words):
         write_video(*slider, tmp_path / name, **options)
 
 
-def test_mp4_needs_ffmpeg(slider, tmp_path):
-    if FFMpegWriter.isAvailable():
-        assert write_video(*slider, tmp_path / "x.mp4", fps=2).stat().st_size > 1000
-    else:
-        with pytest.raises(LinkworkError, match=r"ffmpeg, which writes \.mp4, is not installed"):
-            write_video(*slider, tmp_path / "x.mp4")
+COPY = """#!{python}
+import sys
+open(sys.argv[-1], "wb").write(sys.stdin.buffer.read())
+"""
+
+
+def test_mp4_is_made_of_the_same_frames(slider, tmp_path, monkeypatch):
+    """A program in ffmpeg's place keeps the frames as they are handed to it."""
+    program, path = tmp_path / "ffmpeg", tmp_path / "cart.mp4"
+    program.write_text(COPY.format(python=sys.executable))
+    program.chmod(0o755)
+    monkeypatch.setattr(video, "ffmpeg", lambda: str(program))
+    write_video(*slider, path, fps=5)
+    frames = np.frombuffer(path.read_bytes(), np.uint8).reshape(-1, 500, 500, 4)
+    assert_pushed(Image.fromarray(frame) for frame in frames)
+
+
+def test_mp4_by_ffmpeg(slider, tmp_path):
+    program, path = video.ffmpeg(), tmp_path / "cart.mp4"
+    if not program:
+        pytest.skip("no ffmpeg: the extra 'video' brings one")
+    write_video(*slider, path, fps=5)
+    read = [program, "-v", "error", "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    found = subprocess.run(read, capture_output=True, check=True, timeout=PATIENCE).stdout
+    frames = np.frombuffer(found, np.uint8).reshape(-1, 500, 500, 3)
+    assert_pushed(Image.fromarray(frame) for frame in frames)
+
+
+@pytest.mark.skipif(not Path("/bin/false").exists(), reason="no program that fails")
+def test_an_ffmpeg_that_fails_is_told(slider, tmp_path, monkeypatch):
+    monkeypatch.setattr(video, "ffmpeg", lambda: "/bin/false")
+    with pytest.raises(LinkworkError, match="cannot be written: "):
+        write_video(*slider, tmp_path / "x.mp4", fps=5)
+
+
+def test_mp4_without_ffmpeg_is_refused(slider, tmp_path, monkeypatch):
+    monkeypatch.setattr(video, "which", lambda _: None)
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(LinkworkError, match=r"ffmpeg, which writes \.mp4, is not installed; pip"):
+        write_video(*slider, tmp_path / "x.mp4")

@@ -1,12 +1,15 @@
 """A video of a run: the mechanism as pictures draw it, one frame after the other, seen from one
 place.
 
-GIF is written by Pillow, MP4 by ffmpeg where that is installed.
+GIF is written by Pillow, MP4 by ffmpeg: the one that is installed, or that which comes with the
+extra `video`.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
+from shutil import which
+from subprocess import CalledProcessError
 from typing import Any
 
 import numpy as np
@@ -37,7 +40,7 @@ def write_video(
         robot: whose run it is.
         run: the run; frames show its saved samples, and those between them where it can be run
             again.
-        path: of the video, ending in .gif, or in .mp4 where ffmpeg is installed.
+        path: of the video, ending in .gif, or in .mp4 where there is ffmpeg.
         fps: frames per second of the video, up to 50.
         speed: seconds of the run in one second of the video.
 
@@ -78,6 +81,10 @@ def write_video(
         raise LinkworkError(
             f"'{path}' cannot be written: {(error.strerror or str(error)).lower()}"
         ) from None
+    except CalledProcessError as error:
+        raise LinkworkError(
+            f"'{path}' cannot be written: ffmpeg ends with {error.returncode}; write a .gif"
+        ) from None
     return path
 
 
@@ -85,14 +92,38 @@ def writer_for(path: Path, fps: float) -> Any:
     """Return what writes a video of a suffix."""
     from matplotlib.animation import FFMpegWriter, PillowWriter
 
+    class Encoder(FFMpegWriter):
+        @classmethod
+        def bin_path(cls) -> str:
+            return program
+
     match path.suffix.lower():
         case ".gif":
             return PillowWriter(fps=fps)  # pyright: ignore[reportArgumentType]
-        case ".mp4" if FFMpegWriter.isAvailable():
-            return FFMpegWriter(fps=fps)  # pyright: ignore[reportArgumentType]
+        case ".mp4" if program := ffmpeg():
+            return Encoder(fps=fps)  # pyright: ignore[reportArgumentType]
         case ".mp4":
-            raise LinkworkError("ffmpeg, which writes .mp4, is not installed; write a .gif")
+            raise LinkworkError(
+                "ffmpeg, which writes .mp4, is not installed; pip install 'linkwork[video]' brings "
+                "it, or write a .gif"
+            )
     raise LinkworkError(f"a video is written as .gif or .mp4, not as {path.name!r}")
+
+
+def ffmpeg() -> str:
+    """Return the path of ffmpeg: of the one that is installed, else that of imageio-ffmpeg; empty
+    without either."""
+    import matplotlib
+
+    installed = which(str(matplotlib.rcParams["animation.ffmpeg_path"]))
+    if installed:
+        return installed
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        return get_ffmpeg_exe()
+    except (ImportError, RuntimeError):  # the extra is missing, or brings none for this system
+        return ""
 
 
 def draw_all(robot: Robot, states: State, order: np.ndarray, writer: Any, path: Path) -> None:
