@@ -132,3 +132,15 @@ def test_robots_without_tool_actuators_or_rest_can_be_seen():
         session.shown = frozenset(KINDS)
         view = session.view()
         assert np.isfinite(view.placement.positions).all() and 0 <= view.conditioning <= 1
+
+
+def test_a_planar_tool_is_turned_where_it_is(session, robot):
+    before = session.view()
+    session.turn(before.angle + 0.3)
+    settle(session)
+    after = session.view()
+    assert after.angle == pytest.approx(before.angle + 0.3)
+    assert after.tool[0] == pytest.approx(before.tool[0], abs=1e-8)
+    assert after.angle == pytest.approx(robot.tool_pose(session.state)[2])
+    with pytest.raises(LinkworkError, match="the tool's angle is"):
+        session.turn(float("nan"))

@@ -27,6 +27,7 @@ from linkwork.views.style import COLOURS
 STEPS = 1000  # of a slider
 UNTOUCHED = 0.5  # how long after a touch a control is left to the hand that holds it [s]
 NONE = "none"
+ANGLE, HALF_TURN = "the tool's angle", 3.142  # the slider's ends [rad]
 
 
 class Desk(Protocol):
@@ -67,6 +68,7 @@ class Panels:
         self.sliders = {
             name: self._add_slider(name, *ends) for name, ends in self.session.sliders.items()
         }
+        self.angle = self._add_angle()
         home = self.gui.add_button("Reference pose")
         home.on_click(lambda _: self._post(lambda: self.session.show(self.session.robot.home)))
         self.branches = self._add_dropdown(
@@ -91,6 +93,22 @@ class Panels:
             self.touched[name] = monotonic()
             value = float(slider.value)
             self.desk.post(lambda: self.session.slide(name, value), ("slide", name))
+
+        slider.on_update(self._by_hand(wished))
+        return slider
+
+    def _add_angle(self) -> viser.GuiSliderHandle | None:
+        """Add a slider for the angle of a planar tool, if it can be turned where it is."""
+        session = self.session
+        if session.view().angle is None or not session.pursuit.turns:
+            return None
+        here = session.view().angle or 0.0
+        slider = self.gui.add_slider("tool's angle [rad]", -HALF_TURN, HALF_TURN, 1e-3, here)
+
+        def wished() -> None:
+            self.touched[ANGLE] = monotonic()
+            value = float(slider.value)
+            self.desk.post(lambda: session.turn(value), "turn")
 
         slider.on_update(self._by_hand(wished))
         return slider
@@ -256,14 +274,20 @@ class Panels:
             return
         now = monotonic()
         for name, slider in self.sliders.items():
-            if now - self.touched.get(name, -1.0) > UNTOUCHED:
+            if not self._held(name, now):
                 slider.value = float(np.clip(view.coordinates[name], slider.min, slider.max))
-        if view.time is not None and now - self.touched.get("time", -1.0) > UNTOUCHED:
+        if self.angle is not None and view.angle is not None and not self._held(ANGLE, now):
+            self.angle.value = float(np.clip(view.angle, -HALF_TURN, HALF_TURN))
+        if view.time is not None and not self._held("time", now):
             self.clock.value = float(np.clip(view.time, self.clock.min, self.clock.max))
         self.play.label = "Pause" if self.session.player.playing else "Play"
         self.facts.content = facts(self.session, view)
         if self.plot is not None and self.traces is not None:
             self.plot.data = self.traces.at(self.session.player.time)
+
+    def _held(self, name: str, now: float) -> bool:
+        """Tell whether a hand touched a control lately."""
+        return now - self.touched.get(name, -1.0) <= UNTOUCHED
 
     def settled(self, now: float) -> bool:
         """Tell whether no hand has touched a control lately."""
@@ -306,7 +330,10 @@ def lines(session: Session, view: View) -> Iterator[str]:
         "0.8em;border-radius:2px'></span>"
     )
     if view.tool is not None:
-        yield f"<br>tool at {', '.join(f'{x:.4f}' for x in np.round(view.tool[0], 4) + 0.0)} m"
+        axes = 2 if session.robot.planar else 3
+        place = ", ".join(f"{x:.4f}" for x in np.round(view.tool[0][:axes], 4) + 0.0)
+        turned = "" if view.angle is None else f", {np.round(view.angle, 4) + 0.0:.4f} rad"
+        yield f"<br>tool at {place} m{turned}"
     if view.notice:
         yield f"<br><span style='color:#b34700' data-linkwork='notice'>{escape(view.notice)}</span>"
     yield "</div>"

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from linkwork import checks
+from linkwork.equations.algebra import wrapped
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import GROUND
 from linkwork.model.dexterity import conditioning
@@ -20,11 +21,12 @@ from linkwork.robot import Robot, State
 from linkwork.simulation import Run
 from linkwork.viewer.arrows import NOTHING, ArrowField, ArrowLines, Arrows, drawn
 from linkwork.viewer.fixtures import Fixtures, fixtures_of
-from linkwork.viewer.hand_goals import HandGoal
+from linkwork.viewer.hand_goals import HandGoal, ToolGoal, rotation_matrix
 from linkwork.viewer.layout import PartLayout, Placement
 from linkwork.viewer.marks import BodyMarks, Marks, marks_of
 from linkwork.viewer.player import Player
 from linkwork.viewer.pursuit import Pursuit
+from linkwork.viewer.rails import Rail, along, grown, rails_of
 from linkwork.viewer.replay import Replay, replay_of
 from linkwork.viewer.trail import HandTrail, RunTrail, segments, tool_points
 
@@ -36,8 +38,8 @@ SAMPLED = 25  # states of a run at which the largest reactions and velocities ar
 class View:
     """Hold what is to be seen of a robot at one instant.
 
-    placement: where all parts are; tool: position (3) [m] and orientation (3, 3) of the tool, or
-        None
+    placement: where all parts are, rails excepted, which grow; tool: position (3) [m] and
+        orientation (3, 3) of the tool, or None; angle: of a planar tool, as it is led [rad]
     arrows, marks: by kind, those that are shown; trail: lines (s, 2, 3) where the tools were [m],
         none where it is not shown; focus: the tool, or what the camera follows (3) [m]
     conditioning: 0 to 1; closure: largest |phi| [m, rad]
@@ -48,7 +50,9 @@ class View:
     """
 
     placement: Placement
+    rails: tuple[Rail, ...]
     tool: tuple[np.ndarray, np.ndarray] | None
+    angle: float | None
     arrows: Mapping[str, ArrowLines]
     marks: Mapping[str, Marks]
     trail: np.ndarray
@@ -70,6 +74,7 @@ class Session:
     following: whether the state is that of the run; shown: kinds of arrows, names and frames;
         trailing: whether the tools' trail is
     led: where a hand has led the tools; notice: one sentence on what stands in the way
+    rails: as long as what was shown of the present run, or of posing, needs
     largest: magnitudes of straight and of turning arrows, by kind, that are drawn in full along the
         run
     """
@@ -85,10 +90,12 @@ class Session:
     trailing: bool = False
     led: HandTrail = field(default_factory=HandTrail)
     notice: str = ""
+    rails: tuple[Rail, ...] = field(init=False)
     largest: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.state = self.robot.home
+        self.rails = rails_of(self.robot, [part.role for part in self.parts.parts])
 
     # What never changes
 
@@ -139,6 +146,16 @@ class Session:
         p, R = self.base()
         self.goal = self.pursuit.tool_goal(R.T @ (position - p), R.T @ orientation)
 
+    def turn(self, angle: float) -> None:
+        """Want a planar tool's x axis at an angle to the ground's, or to that of what its pose is
+        relative to [rad], and the tool where it is."""
+        angle = checks.number(angle, "the tool's angle")
+        wanted, out = self.goal, self.pursuit.assembler.still(self.state.q)
+        kept = wanted.position if isinstance(wanted, ToolGoal) else out["position"]
+        self.pose_by_hand()
+        way = rotation_matrix((angle - float(out["angle"][0])) * np.eye(3)[2])
+        self.goal = self.pursuit.tool_goal(kept, way @ out["orientation"].reshape(3, 3))
+
     def slide(self, name: str, value: float) -> None:
         """Want one actuated coordinate [m, rad] at a value, the others where they are."""
         value = checks.number(value, name)
@@ -171,6 +188,8 @@ class Session:
             )
             return
         self.player = Player.of(float(replay.time[0]), float(replay.time[-1]))
+        states = self.robot.make_state(replay.q, np.zeros_like(replay.v))
+        self.rails = along(self.rails, self.robot, states)
         alone = "the run holds one sample: it stands still" if len(replay.time) == 1 else ""
         self.notice = alone if run.success else f"the run ended early: {run.message}"
         self.largest = {kind: self.largest_of(kind, replay) for kind in KINDS}
@@ -247,9 +266,12 @@ class Session:
         )
         u = self.forces()
         poses = {GROUND: (np.zeros(3), np.eye(3)), **robot.body_poses(state)}
+        self.rails = grown(self.rails, poses)
         return View(
             placement=self.layout.place(state),
+            rails=self.rails,
             tool=tool,
+            angle=float(wrapped(out["angle"][0])) if tool and robot.planar else None,
             arrows={kind: self.arrows(kind, u) for kind in KINDS if kind in self.shown},
             marks={
                 kind: marks.at(poses) for kind, marks in self.marks.items() if kind in self.shown

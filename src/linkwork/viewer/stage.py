@@ -18,6 +18,7 @@ from linkwork.viewer.conditioning import colour
 from linkwork.viewer.fixtures import Fixture
 from linkwork.viewer.layout import Placement, of_mesh, quaternions, turned_by
 from linkwork.viewer.marks import FRAMES, Marks, written
+from linkwork.viewer.rails import Rail
 from linkwork.viewer.session import Session
 
 ARROWS = {
@@ -62,6 +63,7 @@ class Batch:
 class BrowserStage:
     """Show one robot in the scene of a server.
 
+    placed, rails: where parts that stand still are, among them the rails
     lift: by which the trail and the frames of a planar mechanism are raised, to lie on its plates
         and not in them (3) [m]
     """
@@ -72,8 +74,12 @@ class BrowserStage:
         self.batches = [
             self._add_batch(group, placement) for group in of_mesh(self.parts.parts, moving)
         ]
-        for group in of_mesh(self.parts.parts, ~moving):
-            self._add_batch(group, placement)
+        self.still = [
+            self._add_batch(group, placement) for group in of_mesh(self.parts.parts, ~moving)
+        ]
+        self.placed: Placement = placement
+        self.rails: tuple[Rail, ...] = ()
+        self.lay(session.rails)
         self.handle = (
             self._add_handle(session.pursuit.turns) if self.robot.mechanism.tools else None
         )
@@ -157,6 +163,19 @@ class BrowserStage:
             batch.node.batched_wxyzs = placement.turns[batch.group]
             if batch.stretched:
                 batch.node.batched_scales = placement.scales[batch.group]
+
+    def lay(self, rails: tuple[Rail, ...]) -> None:
+        """Show rails as long as they are now."""
+        if rails is self.rails:
+            return
+        self.rails = rails
+        for rail in rails:
+            self.placed.positions[rail.part] = rail.start
+            self.placed.scales[rail.part, 2] = rail.length
+        for batch in self.still:
+            if not {rail.part for rail in rails}.isdisjoint(batch.group.tolist()):
+                batch.node.batched_positions = self.placed.positions[batch.group]
+                batch.node.batched_scales = self.placed.scales[batch.group]
 
     def hold(self, tool: tuple[np.ndarray, np.ndarray]) -> None:
         """Bring the handle to the tool."""

@@ -252,6 +252,7 @@ class Viewer:
         view, texts = self.session.view(), now - self.last_texts > TEXTS
         with self.server.atomic():
             self.stage.show(view.placement)
+            self.stage.lay(view.rails)
             self.stage.draw(view.arrows)
             self.stage.mark(view.marks)
             self.stage.trace(view.trail)
