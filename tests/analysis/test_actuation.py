@@ -158,6 +158,71 @@ def test_a_four_bar_knee_on_a_hip():
         assert both.inertia(state)[1, 1] == pytest.approx(alone.inertia(state).item(), rel=1e-12)
 
 
+CALLS = [
+    ("jacobian", ()),
+    ("jacobian_rate", ()),
+    ("jacobian_rate", ([0.4, -0.9],)),
+    ("motor_rates", ([0.4, -0.9],)),
+    ("joint_rates", ([0.4, -0.9],)),
+    ("joint_torques", ([0.4, -0.9],)),
+    ("motor_torques", ([0.4, -0.9],)),
+    ("inertia", ()),
+    ("inertia", ("motors",)),
+    ("bias", ()),
+    ("bias", ("motors",)),
+]
+
+
+@pytest.mark.parametrize(("name", "given"), CALLS)
+def test_one_state_s_short_way_gives_what_stacks_give(model, moving, name, given):
+    call, state = getattr(model, name), moving.at(4)
+    wanted = call(moving, *given)[4]
+    arrays = [np.array(part) if isinstance(part, list) else part for part in given]
+    for inputs in (given, arrays):
+        assert call(state, *inputs) == pytest.approx(wanted, abs=1e-12)
+    first = call(state, *arrays)
+    kept = first.copy()
+    call(moving.at(5), *arrays)
+    assert (first == kept).all()  # a result is the caller's own
+    assert call(moving.at(slice(4, 5)), *given).shape == (1, *wanted.shape)
+    turned = model.robot.in_chart(state, ANKLE)  # the same motion, told in other rates
+    assert call(turned, *given) == pytest.approx(wanted, abs=1e-10)
+
+
+def test_the_short_way_takes_vectors_as_they_are(model, moving):
+    state, u = moving.at(0), np.array([1.0, 2.0])
+    wanted = model.joint_torques(state, u)
+    spread = np.zeros(4)
+    spread[::2] = u
+    for given in (spread[::2], u.astype(np.float32), u.astype(int), u[::-1][::-1], (1, 2)):
+        assert model.joint_torques(state, given) == pytest.approx(wanted, rel=1e-15)
+    for wrong, said in (([np.nan, 1.0], "nan"), ([1.0, 2.0, 3.0], "shape"), (["a", 1], "numbers")):
+        for given in (wrong, np.array(wrong)):
+            with pytest.raises(LinkworkError, match=said):
+                model.joint_torques(state, given)
+
+
+def test_inertia_and_bias_at_the_motors_follow_from_those_at_the_joints(model, moving):
+    J, turned = model.jacobian(moving), model.jacobian_rate(moving)
+    w = model.joint_rates(moving, moving.rates)[..., None]
+    inverse = np.linalg.inv(J)
+    across = np.swapaxes(inverse, -1, -2)
+    M, h = model.inertia(moving), model.bias(moving)[..., None]
+    assert model.inertia(moving, "motors") == pytest.approx(across @ M @ inverse, rel=1e-10)
+    wanted = across @ (h - M @ inverse @ turned @ w)
+    assert model.bias(moving, "motors") == pytest.approx(wanted[..., 0], abs=1e-10)
+
+
+def test_free_numbers_are_those_of_the_robot():
+    freed = ankle().free("foot.mass")
+    heavy = analysis.actuation(freed.with_parameters({"foot.mass": 5.0}), ANKLE)
+    light = analysis.actuation(freed, ANKLE)
+    states = [each.at(POSES[0]) for each in (heavy, light)]
+    assert heavy.inertia(states[0])[0, 0] > light.inertia(states[1])[0, 0] + 1e-3
+    again = analysis.actuation(ankle(), ANKLE)
+    assert light.inertia(states[1]) == pytest.approx(again.inertia(again.at(POSES[0])), rel=1e-12)
+
+
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 def test_the_exported_c_gives_the_same_numbers(tmp_path):
     model = analysis.actuation(ankle(True), ANKLE)
@@ -182,7 +247,7 @@ def test_the_exported_c_gives_the_same_numbers(tmp_path):
 
     J, *_ = call("jacobian", state.q, sizes=(4, 1, 1))
     assert J.reshape(2, 2) == pytest.approx(model.jacobian(state), abs=1e-13)
-    v = model._rates(state)
+    v = model.compiled.rates(state)
     w = model.joint_rates(state, state.rates)
     assert call("jacobian_rate", state.q, w, sizes=(4, 1, 1))[0].reshape(2, 2) == pytest.approx(
         model.jacobian_rate(state), abs=1e-12

@@ -12,12 +12,11 @@ count. In the motors' coordinates they are  J^-T M J^-1  and  J^-T (h - M J^-1 J
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import isfinite
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -25,40 +24,25 @@ from numpy.typing import ArrayLike
 
 from linkwork import checks
 from linkwork.analysis import loop_map as maps
+from linkwork.analysis.arranging import arranged, require_apart
+from linkwork.analysis.compiled_map import CompiledMap
 from linkwork.analysis.loop_map import LoopMap
+from linkwork.analysis.transferred import (
+    TransferredGains,
+    TransferredLimits,
+    across,
+    applied,
+    congruent,
+    transposed,
+)
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
-from linkwork.kernels import Kernel
 from linkwork.model.charts import CompiledChart
-from linkwork.model.checks import PIVOT_BOUND, SingularError, names
+from linkwork.model.checks import names
 from linkwork.model.state import State
 from linkwork.robot import Robot
 
 Side = Literal["joints", "motors"]
-APART = 1e-9
-"""Motor rate by a joint that is not named, over the largest by one that is, in own units."""
-TIED = 1e-4
-"""Part of a rate's row that the rates before leave, from which on it is independent of them."""
-SIDEWAYS = 1e-7
-"""Least determinant of a block of J from which it is inverted, over that where the equations are
-arranged."""
-
-
-class TransferredLimits(NamedTuple):
-    """Hold what limits of the motors leave to each joint (..., k).
-
-    alone: with nothing in the other joints; most: in some motion, or with some torques, of all
-    """
-
-    alone: np.ndarray
-    most: np.ndarray
-
-
-class TransferredGains(NamedTuple):
-    """Hold stiffness and damping matrices (..., k, k) [N/m, N m/rad; N s/m, N m s/rad]."""
-
-    kp: np.ndarray
-    kd: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +120,8 @@ class ActuationModel:
         Raises:
             SingularError: where the joints do not determine the motors.
         """
-        return self._square(self._found("jacobian", state))
+        found = self._quick("jacobian")(state)
+        return self._matrix("jacobian", state) if found is None else found
 
     def jacobian_rate(self, state: State, rates: ArrayLike | None = None) -> np.ndarray:
         """Return J' (..., k, k) for rates w (..., k) of the joints; those of the state if left out.
@@ -144,22 +129,31 @@ class ActuationModel:
         J does not depend on what moves no motor.
         """
         if rates is None:
-            w = self._rates(state).take(self._places, axis=-1)
+            found = self._of_state("jacobian_rate")(state)
+            if found is not None:
+                return found
+            w = self.compiled.rates(state).take(self.compiled.places, axis=-1)
         else:
+            found = self._quick("jacobian_rate")(state, rates)
+            if found is not None:
+                return found
             w = self._given(rates, "rates", "joints")
-        return self._square(self._found("jacobian_rate", state, w))
+        return self._matrix("jacobian_rate", state, w)
 
     def motor_rates(self, state: State, rates: ArrayLike) -> np.ndarray:
         """Return the rates (..., k) of the motors for rates of the joints, J w."""
-        return self._found("motor_rates", state, self._given(rates, "rates", "joints"))
+        found = self._quick("motor_rates")(state, rates)
+        return self._mapped("motor_rates", state, rates, "joints") if found is None else found
 
     def joint_rates(self, state: State, rates: ArrayLike) -> np.ndarray:
         """Return the rates (..., k) of the joints for rates of the motors, J^-1 w_m."""
-        return self._found("joint_rates", state, self._given(rates, "rates", "motors"))
+        found = self._quick("joint_rates")(state, rates)
+        return self._mapped("joint_rates", state, rates, "motors") if found is None else found
 
     def joint_torques(self, state: State, torques: ArrayLike) -> np.ndarray:
         """Return the torques (..., k) that those of the motors make in the joints, J^T u."""
-        return self._found("joint_torques", state, self._given(torques, "torques", "motors"))
+        found = self._quick("joint_torques")(state, torques)
+        return self._mapped("joint_torques", state, torques, "motors") if found is None else found
 
     def motor_torques(self, state: State, torques: ArrayLike) -> np.ndarray:
         """Return the torques (..., k) of the motors that make those in the joints, J^-T u_j.
@@ -167,30 +161,26 @@ class ActuationModel:
         Raises:
             SingularError: where the motors do not hold the joints.
         """
-        return self._found("motor_torques", state, self._given(torques, "torques", "joints"))
+        found = self._quick("motor_torques")(state, torques)
+        return self._mapped("motor_torques", state, torques, "joints") if found is None else found
 
     # Dynamics
 
     def inertia(self, state: State, side: Side = "joints") -> np.ndarray:
         """Return the apparent inertia (..., k, k) at the joints, or at the motors: that of the
         whole mechanism, the other independent rates held."""
-        M = self._square(self._found("joint_inertia", state))
-        if self._named(side) is self.joints:
-            return M
-        inverse = self._inverse(state)
-        return np.swapaxes(inverse, -1, -2) @ M @ inverse
+        name = "joint_inertia" if self._of_joints(side) else "motor_inertia"
+        found = self._quick(name)(state)
+        return self._matrix(name, state) if found is None else found
 
     def bias(self, state: State, side: Side = "joints") -> np.ndarray:
         """Return h (..., k), C v + G - f: the torques at the joints, or at the motors, without
         accelerations of these."""
-        v = self._rates(state)
-        h = self._found("joint_bias", state, v)
-        if self._named(side) is self.joints:
-            return h
-        inverse, M = self._inverse(state), self.inertia(state)
-        w = v.take(self._places, axis=-1)
-        turning = applied(self.jacobian_rate(state, w), w)
-        return applied(np.swapaxes(inverse, -1, -2), h - applied(M @ inverse, turning))
+        name = "joint_bias" if self._of_joints(side) else "motor_bias"
+        found = self._of_state(name)(state)
+        if found is None:
+            return self.compiled.found(name, state, self.compiled.rates(state))
+        return found
 
     # Limits and gains
 
@@ -200,18 +190,15 @@ class ActuationModel:
         alone_i = min_m V_m / |J_mi|,    most_i = sum_m |J^-1_im| V_m
         """
         V = self._positive(limits, "speed limits")
-        return TransferredLimits(
-            least(V, self.jacobian(state)), applied(np.abs(self._inverse(state)), V)
-        )
+        return across(V, self.jacobian(state), self._inverse(state))
 
     def torque_limits(self, state: State, limits: ArrayLike) -> TransferredLimits:
         """Return the torques in the joints that limits U (k) of the motors' torques leave.
 
         alone_i = min_m U_m / |J^-1_im|,    most_i = sum_m |J_mi| U_m
         """
-        U, J = self._positive(limits, "torque limits"), self.jacobian(state)
-        across = np.swapaxes(self._inverse(state), -1, -2)
-        return TransferredLimits(least(U, across), applied(np.abs(np.swapaxes(J, -1, -2)), U))
+        U = self._positive(limits, "torque limits")
+        return across(U, transposed(self._inverse(state)), transposed(self.jacobian(state)))
 
     def motor_gains(
         self, state: State, kp: ArrayLike, kd: ArrayLike = 0.0, *, torques: ArrayLike | None = None
@@ -225,11 +212,9 @@ class ActuationModel:
             kp, kd: at the joints: one number, k numbers, or (k, k).
             torques: u (k) of the motors there; none if left out.
         """
-        K, D = self._matrix(kp, "kp"), self._matrix(kd, "kd")
-        inverse = self._inverse(state)
-        across = np.swapaxes(inverse, -1, -2)
+        K, D, inverse = self._gain(kp, "kp"), self._gain(kd, "kd"), self._inverse(state)
         held = K + self._bent(state, torques)
-        return TransferredGains(across @ held @ inverse, across @ D @ inverse)
+        return TransferredGains(congruent(held, inverse), congruent(D, inverse))
 
     def joint_gains(
         self, state: State, kp: ArrayLike, kd: ArrayLike = 0.0, *, torques: ArrayLike | None = None
@@ -243,9 +228,8 @@ class ActuationModel:
             kp, kd: at the motors: one number, k numbers, or (k, k).
             torques: u (k) of the motors there; none if left out.
         """
-        K, D, J = self._matrix(kp, "kp"), self._matrix(kd, "kd"), self.jacobian(state)
-        across = np.swapaxes(J, -1, -2)
-        return TransferredGains(across @ K @ J - self._bent(state, torques), across @ D @ J)
+        K, D, J = self._gain(kp, "kp"), self._gain(kd, "kd"), self.jacobian(state)
+        return TransferredGains(congruent(K, J) - self._bent(state, torques), congruent(D, J))
 
     # Export
 
@@ -256,8 +240,9 @@ class ActuationModel:
         closure_step: q -> q after a Newton step that closes the loops at the same joints, and the
         gap before it; jacobian: q -> J row by row; jacobian_rate: (q, w of the joints) -> J' row by
         row; inverse: q -> J^-1 row by row; motor_rates, joint_rates: (q, rates of the other side);
-        joint_torques, motor_torques: (q, torques of the other side); joint_inertia: q -> M;
-        joint_bias: (q, v) -> h. After these outputs each gives the weakest relative pivot.
+        joint_torques, motor_torques: (q, torques of the other side); joint_inertia, motor_inertia:
+        q -> M at the joints, or at the motors; joint_bias, motor_bias: (q, v) -> h there. After
+        these outputs each gives the weakest relative pivot.
         """
         made = (maps.function(self.map, name) for name in maps.OUTPUTS)
         return (functions.closure_step(self.chart.equations), *made)
@@ -280,80 +265,46 @@ class ActuationModel:
         code.generate(f"{target.parent}/")
         return target
 
-    def _named(self, side: str) -> tuple[str, ...]:
-        if side not in ("joints", "motors"):
-            raise LinkworkError(f"side is {checks.shown(side)}; give 'joints' or 'motors'")
-        return self.joints if side == "joints" else self.motors
+    @cached_property
+    def compiled(self) -> CompiledMap:
+        """The same as machine code."""
+        return CompiledMap(self.robot, self.joints, self.motors, self.chart, self.about)
 
     @cached_property
     def map(self) -> LoopMap:
         """The same as expressions."""
-        return LoopMap(self.chart.equations, self.joints, self.motors)
+        return self.compiled.expressions
 
     @cached_property
-    def _kernels(self) -> Mapping[str, Kernel]:
-        """What was asked of the map, compiled: by name and by what it is of."""
-        return {
-            name: self.chart.compiled(
-                f"{name} of {self.motors} by {self.joints}",
-                lambda _, name=name: maps.function(self.map, name),
-            )
-            for name in maps.OUTPUTS
-        }
+    def _quick(self):
+        return self.compiled.quick
 
-    def _found(self, name: str, state: State, *given: np.ndarray) -> np.ndarray:
-        """Return what a kernel gives (..., size) at states, refused where it is not defined; one
-        state takes the shortest way."""
-        kernel, q = self._kernels[name], self.robot.own(state).q
-        least = SIDEWAYS * self._usual if name in maps.INVERTED else 0.0
-        if q.ndim == 1 and (not given or given[0].ndim == 1):
-            y = kernel.flat(q, *given, self.robot.p)
-            *_, pivot, side = numbers = y.tolist()
-            if isfinite(sum(numbers)) and abs(pivot) > PIVOT_BOUND and abs(side) > least:
-                return y[:-2]
-        found, pivots, sides = kernel(q, *given, self.robot.p)
-        for part in given:
-            checks.finite(part, "what is given")
-        if not np.abs(pivots).min(initial=np.inf) > PIVOT_BOUND:
-            raise SingularError(
-                f"the joints {', '.join(self.joints)} do not determine the motors "
-                f"{', '.join(self.motors)} here: the loops are singular; take another pose"
-            )
-        if not np.abs(sides).min(initial=np.inf) > least:
-            raise SingularError(
-                f"the motors {', '.join(self.motors)} do not hold {', '.join(self.joints)} in this "
-                "pose: their Jacobian is singular; take another pose"
-            )
-        return found
+    @cached_property
+    def _of_state(self):
+        return self.compiled.of_state
 
-    def _square(self, found: np.ndarray) -> np.ndarray:
-        k = len(self.joints)
+    def _named(self, side: str) -> tuple[str, ...]:
+        return self.joints if self._of_joints(side) else self.motors
+
+    def _of_joints(self, side: str) -> bool:
+        if side not in ("joints", "motors"):
+            raise LinkworkError(f"side is {checks.shown(side)}; give 'joints' or 'motors'")
+        return side == "joints"
+
+    def _matrix(self, name: str, state: State, *given: np.ndarray) -> np.ndarray:
+        """Return a matrix (..., k, k) at states."""
+        k, found = len(self.joints), self.compiled.found(name, state, *given)
         return found.reshape(*found.shape[:-1], k, k)
 
-    @cached_property
-    def _usual(self) -> float:
-        """The least determinant of a block of J, in own units, where the equations are arranged."""
-        y = self._kernels["joint_rates"].flat(
-            self.about.q, np.zeros(len(self.joints)), self.robot.p
-        )
-        return abs(y.item(-1))
-
-    @cached_property
-    def _places(self) -> list[int]:
-        """Where the joints' rates are among the chart's."""
-        return [self.chart.independent.index(name) for name in self.joints]
-
-    def _rates(self, state: State) -> np.ndarray:
-        """Return the rates of a state in the model's chart, those of others as they are."""
-        given = self.robot.chart_of(self.robot.own(state))
-        if given.independent == self.chart.independent:
-            return state.rates
-        w = given.weighed(state.q, state.rates, self.robot.p)[0]
-        return w.take(self.chart.equations.chart.independent, axis=-1)
+    def _mapped(self, name: str, state: State, values: ArrayLike, side: Side) -> np.ndarray:
+        """Return rates or torques (..., k) of the other side at states."""
+        what = "torques" if name.endswith("torques") else "rates"
+        return self.compiled.found(name, state, self._given(values, what, side))
 
     def _inverse(self, state: State) -> np.ndarray:
         """Return J^-1 (..., k, k), refused where the motors do not hold the joints."""
-        return self._square(self._found("inverse", state))
+        found = self._quick("inverse")(state)
+        return self._matrix("inverse", state) if found is None else found
 
     def _bent(self, state: State, torques: ArrayLike | None) -> np.ndarray:
         """Return G (..., k, k), the derivative of J^T u along each joint: J' is linear in the
@@ -361,11 +312,9 @@ class ActuationModel:
         k = len(self.joints)
         if torques is None:
             return np.zeros((*state.batch, k, k))
-        u, columns = self._given(torques, "torques", "motors"), []
-        for unit in np.eye(k):
-            dJ = self.jacobian_rate(state, unit)
-            columns.append(applied(np.swapaxes(dJ, -1, -2), u))
-        return np.stack(columns, axis=-1)
+        u = self._given(torques, "torques", "motors")
+        along = (transposed(self.jacobian_rate(state, unit)) for unit in np.eye(k))
+        return np.stack([applied(turned, u) for turned in along], axis=-1)
 
     def _given(self, values: ArrayLike, what: str, side: Side) -> np.ndarray:
         if not isinstance(values, np.ndarray) or values.dtype.kind != "f":
@@ -386,7 +335,7 @@ class ActuationModel:
             raise LinkworkError(f"{what} are {checks.shown(limits)}; give positive numbers")
         return array
 
-    def _matrix(self, gain: ArrayLike, what: str) -> np.ndarray:
+    def _gain(self, gain: ArrayLike, what: str) -> np.ndarray:
         k, array = len(self.joints), checks.finite(gain, what)
         if array.shape not in ((), (k,), (k, k)):
             raise LinkworkError(
@@ -436,88 +385,5 @@ def actuation(
         raise LinkworkError("the guess is a stack of states; give one of them")
     chart = arranged(robot, wanted, driven, about.q)
     others = tuple(name for name in chart.independent if name not in wanted)
-    model = ActuationModel(robot, wanted, driven, others, chart, about)
-    require_apart(model, about.q)
-    return model
-
-
-def arranged(
-    robot: Robot, joints: tuple[str, ...], motors: tuple[str, ...], q: np.ndarray
-) -> CompiledChart:
-    """Return the equations in the rates of the joints and of others that are no motors."""
-    tree = robot.equations.tree.rates
-    for name in joints:
-        if name not in tree:
-            raise LinkworkError(
-                f"the joint {name!r} closes a loop; name joints of the spanning tree: "
-                f"{', '.join(tree)}"
-            )
-    others = [name for name in (*robot.independent, *tree) if name not in (*joints, *motors)]
-    chosen = independent(robot, q, [*joints, *dict.fromkeys((*others, *motors))])
-    tied = [name for name in joints if name not in chosen]
-    if tied:
-        raise LinkworkError(
-            f"the joint {tied[0]!r} does not move independently of the other joints in this pose; "
-            "leave it out, or give a guess at which it does"
-        )
-    chart = robot.chart.anew(q, tuple(map(tree.index, chosen)))
-    if chart is None:
-        raise LinkworkError(
-            f"the rates {', '.join(chosen)} hardly determine the motion in this pose; give a guess "
-            "farther from where they do not"
-        )
-    return chart
-
-
-def independent(robot: Robot, q: np.ndarray, wanted: Sequence[str]) -> list[str]:
-    """Return n independent rates of the tree, the first ones of those wanted that are: by their
-    rows of the null space of Phi in own units, each by what the ones before leave of it."""
-    equations, n = robot.equations, robot.mobility
-    Phi = equations.natural(robot.chart.constraint_jacobian(q))
-    free = np.linalg.svd(np.vstack([Phi, np.zeros((1, equations.nv))]))[2][-n:].T
-    chosen: list[str] = []
-    basis = np.zeros((0, n))
-    for name in wanted:
-        row = (
-            free[equations.tree.rates.index(name)] if name in equations.tree.rates else 0 * free[0]
-        )
-        left = row - basis.T @ (basis @ row)
-        if len(chosen) < n and np.linalg.norm(left) > TIED * max(np.linalg.norm(row), TIED):
-            basis = np.vstack([basis, left / np.linalg.norm(left)])
-            chosen.append(name)
-    return chosen
-
-
-def require_apart(model: ActuationModel, q: np.ndarray) -> None:
-    """Refuse motors that move with independent joints that are not named."""
-    if not model.others:
-        return
-    equations = model.chart.equations
-    rows = ca.mtimes(equations.joints.rate_rows(model.motors), equations.elimination.L)
-    given = functions.function("motor_rows", equations, {"rows": rows})(q, model.robot.p)
-    found = np.abs(np.array(given)) * model.chart.units[equations.nq :]
-    named = [equations.independent.index(name) for name in model.joints]
-    for k, name in enumerate(equations.independent):
-        part = found[:, k]
-        if name in model.others and part.max() > APART * found[:, named].max():
-            motor = model.motors[int(np.argmax(part))]
-            if name in model.motors:
-                raise LinkworkError(
-                    f"the motor {name!r} moves independently of {', '.join(model.joints)}; leave "
-                    "it out, or name the joint that it moves"
-                )
-            raise LinkworkError(
-                f"the motor {motor!r} moves with {name!r}, too; name it among the joints, with one "
-                "more motor"
-            )
-
-
-def applied(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Return matrices (..., k, k) times vectors (..., k)."""
-    return (matrix @ vector[..., None])[..., 0]
-
-
-def least(limits: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Return min_m limits_m / |matrix_mi| (..., i)."""
-    with np.errstate(divide="ignore"):
-        return (limits[:, None] / np.abs(matrix)).min(axis=-2)
+    require_apart(chart, wanted, driven, about.q)
+    return ActuationModel(robot, wanted, driven, others, chart, about)

@@ -28,9 +28,16 @@ OUTPUTS = (
     "motor_torques",
     "joint_inertia",
     "joint_bias",
+    "motor_inertia",
+    "motor_bias",
 )
-INVERTED = ("inverse", "joint_rates", "motor_torques")
+MATRICES = ("jacobian", "jacobian_rate", "inverse", "joint_inertia", "motor_inertia")
+INVERTED = ("inverse", "joint_rates", "motor_torques", "motor_inertia", "motor_bias")
 """Those that need J^-1."""
+BY_VECTOR = ("jacobian_rate", "motor_rates", "joint_rates", "joint_torques", "motor_torques")
+"""Those of k numbers of joints or motors, beside q."""
+BY_RATES = ("joint_bias", "motor_bias")
+"""Those of all independent rates, beside q."""
 COFACTORS = 4
 """Largest block that is inverted by cofactors; larger ones are factorised."""
 
@@ -105,36 +112,88 @@ class LoopMap:
         length = self.equations.tree.length
         return np.array([1.0 if name in angular else length for name in names])
 
+    @cached_property
+    def turning(self) -> tuple[ca.SX, ca.SX]:
+        """Rates w of the joints (k), as symbols, and J' for them."""
+        w = SX.sym("given", len(self.joints))
+        v = SX.zeros(self.equations.mobility)
+        v[self.places] = w
+        rates = ca.mtimes(self.equations.elimination.L, v)
+        return w, derivative(self.J, self.equations.tree, rates)
+
+    @cached_property
+    def M(self) -> ca.SX:
+        """The inertia at the joints (k x k), the other independent rates held."""
+        return self.equations.inertia[0][self.places, self.places]
+
+    @cached_property
+    def h(self) -> ca.SX:
+        """The torques at the joints (k) that rates v, weight, springs and friction need."""
+        return self.equations.bias_forces(self.equations.gravity)[self.places]
+
+    def result(self, name: str) -> tuple[ca.SX, ca.SX | None]:
+        """Return what OUTPUTS name, matrices transposed, and the symbols that it is of beside q."""
+        if name in BY_RATES:
+            return self._bias(name), self.equations.v
+        if name not in BY_VECTOR:
+            return self._matrix(name).T, None
+        given, rate = self.turning
+        if name == "jacobian_rate":
+            return rate.T, given
+        matrix = self.inverse[0] if name in INVERTED else self.J
+        return ca.mtimes(matrix.T if name.endswith("torques") else matrix, given), given
+
+    def _matrix(self, name: str) -> ca.SX:
+        if name == "jacobian":
+            return self.J
+        inverse = self.inverse[0]
+        if name == "inverse":
+            return inverse
+        return self.M if name == "joint_inertia" else ca.mtimes([inverse.T, self.M, inverse])
+
+    def _bias(self, name: str) -> ca.SX:
+        if name == "joint_bias":
+            return self.h
+        given, rate = self.turning
+        w, inverse = self.equations.v[self.places], self.inverse[0]
+        turned = ca.mtimes(ca.substitute(rate, given, w), w)
+        return ca.mtimes(inverse.T, self.h - ca.mtimes(ca.mtimes(self.M, inverse), turned))
+
 
 def function(of: LoopMap, name: str) -> ca.Function:
     """Return a function of q, what else it takes, and p: what is asked for, the weakest relative
     pivot, and the least determinant of J where it is inverted, 1 elsewhere; matrices row by row.
     """
-    equations, k = of.equations, len(of.joints)
-    given = SX.sym("given", k)
-    inputs: dict[str, ca.SX] = {}
-    if name == "jacobian":
-        result = of.J.T
-    elif name == "jacobian_rate":
-        inputs["given"] = given
-        v = SX.zeros(equations.mobility)
-        v[of.places] = given
-        rates = ca.mtimes(equations.elimination.L, v)
-        result = derivative(of.J, equations.tree, rates).T
-    elif name == "inverse":
-        result = of.inverse[0].T
-    elif name in ("motor_rates", "joint_rates", "joint_torques", "motor_torques"):
-        inputs["given"] = given
-        matrix = of.inverse[0] if name in INVERTED else of.J
-        result = ca.mtimes(matrix.T if name.endswith("torques") else matrix, given)
-    elif name == "joint_inertia":
-        result = equations.inertia[0][of.places, of.places]
-    else:
-        inputs["v"] = equations.v
-        result = equations.bias_forces(equations.gravity)[of.places]
+    equations, (result, given) = of.equations, of.result(name)
     outputs = {
         name: result,
-        "pivot": equations.elimination.pivot if name == "joint_bias" else of.pivot,
+        "pivot": equations.elimination.pivot if name in BY_RATES else of.pivot,
         "determinant": of.inverse[1] if name in INVERTED else SX(1),
+    }
+    inputs = {} if given is None else {"v" if name in BY_RATES else "given": given}
+    return functions.function(name, equations, outputs, **inputs)
+
+
+def watched(of: LoopMap, name: str, rates: Equations | None = None) -> ca.Function:
+    """Return `function` with the pivot's magnitude and, last, a sum that is finite where the result
+    is.
+
+    rates: where the result is to be of all independent rates, in equations of the same tree
+    """
+    equations, (result, given) = of.equations, of.result(name)
+    pivot = ca.fabs(equations.elimination.pivot if name in BY_RATES else of.pivot)
+    inputs = {} if given is None else {"given": given}
+    if rates is not None and given is not None:
+        v = rates.v
+        if rates.independent != equations.independent:
+            v = ca.mtimes(rates.elimination.L, v)[list(equations.chart.independent)]
+            pivot = ca.fmin(pivot, ca.fabs(rates.elimination.pivot))
+        result = ca.substitute(result, given, v if name in BY_RATES else v[of.places])
+        inputs = {"v": rates.v}
+    outputs = {
+        name: result,
+        "pivot": pivot,
+        "determinant": of.inverse[1] if name in INVERTED else SX(1),
+        "sum": ca.sum1(ca.vec(ca.densify(result))),
     }
     return functions.function(name, equations, outputs, **inputs)
