@@ -76,4 +76,5 @@ def test_the_page_shows_rails_as_long_as_they_are():
         (batch,) = [batch for batch in viewer.stage.still if rail.part in batch.group]
         place = list(batch.group).index(rail.part)
         assert batch.node.batched_positions[place] == pytest.approx(rail.start)
-        assert batch.node.batched_scales[place][2] == pytest.approx(rail.length) > 8.0
+        assert rail.length > 8.0
+        assert batch.node.batched_scales[place][2] == pytest.approx(rail.length)
