@@ -128,8 +128,8 @@ def begun(batch: Members, settings: Settings) -> Iterator[Stands]:
             rows = np.arange(indices.size) if len(signs) < indices.size else rows
             size, faced = rows.size, chart.with_signs(own)
             numbers = 0.0, 0, settings.max_steps, SOFT, settings.duration / SHORT
-            t, saved, steps, bound, short = (np.broadcast_to(part, size) for part in numbers)
-            turns = np.broadcast_to(0.0, (size, robot.equations.nq))
+            t, saved, steps, bound, short = (np.full(size, part) for part in numbers)
+            turns = np.zeros((size, robot.equations.nq))
             own_chart = robot.run_charts.setdefault(faced.key, faced)
             own_y = y if size == len(y) else y[rows]
             yield Stands(own_chart, indices[rows], t, own_y, turns, saved, steps, bound, short)

@@ -2,8 +2,10 @@
 and then."""
 
 import os
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 
 GLANCE = 0.05  # time between two looks at how far the threads are [s]
 
@@ -13,6 +15,27 @@ def usable_processors() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+_idle: defaultdict[int, list[ThreadPoolExecutor]] = defaultdict(list)  # by number of threads
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_idle.clear)  # threads do not live on in a child
+
+
+@contextmanager
+def crew(threads: int) -> Iterator[ThreadPoolExecutor]:
+    """Lend so many threads to one job, which leaves none of its parts undone.
+
+    Threads outlive their job for the next one, as starting them takes longer than a small job; jobs
+    at the same time, or inside of each other, have their own.
+    """
+    waiting = _idle[threads]
+    try:
+        pool = waiting.pop()
+    except IndexError:
+        pool = ThreadPoolExecutor(threads)
+    yield pool
+    waiting.append(pool)
 
 
 def dealt(
@@ -30,7 +53,7 @@ def dealt(
     raises, which ends the job, too.
     """
     interrupt = None
-    with ThreadPoolExecutor(threads) as pool:
+    with crew(threads) as pool:
         futures = [pool.submit(run, part) for part in range(parts)]
         left = set(futures)
         try:
@@ -43,5 +66,6 @@ def dealt(
             interrupt = error
         finally:
             cancel()
+            wait(futures)
     if interrupt and all(not future.exception() and future.result() for future in futures):
         raise interrupt
