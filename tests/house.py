@@ -36,6 +36,7 @@ WINGS = {
         "regressor",
     ),
     "masses of shapes": ("density",),
+    "fluid": ("fluid",),
     "stops, contact, sticking": ("contact", "elastic", "impact", "sticking", "surfaces"),
     "large mechanisms": (
         *("articulated", "uncharted", "bound", "unit_directions", "partitioned", "tabled"),

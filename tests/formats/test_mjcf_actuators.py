@@ -53,10 +53,10 @@ ACTUATORS = """
 <position name="lag" joint="j1" kp="4" timeconst="0.2"/>"""
 
 
-def compared(path, tmp_path, seed=1):
+def compared(path, tmp_path, seed=1, mechanism=None):
     """Return the largest difference of accelerations under the same controls, over the largest of
-    them, at some states."""
-    robot = lw.Robot(load(path).mechanism)
+    them, at some states; mechanism: in place of what the file is read as."""
+    robot = lw.Robot(mechanism or load(path).mechanism)
     model, data = side.compiled(path)
     random, drives, worst = np.random.default_rng(seed), robot.drives, 0.0
     for _ in range(3):

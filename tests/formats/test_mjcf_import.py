@@ -339,9 +339,6 @@ LEFT_OUT = {
     ): "<contact> is left out: contacts are no part of a mechanism",
     "<sensor/>": "<sensor> is left out",
     "<wings/>": "<wings> is left out: it is not known",
-    "<option wind='1 0 0'/>": (
-        "<option> says wind, which is left out: there is no air or water here"
-    ),
     "<option><flag spring='disable'/></option>": "<flag> switches spring off, which is left out",
     "<equality><flex/></equality>": (
         "<flex> is left out: only connect, weld, joint and tendon are joints"

@@ -21,6 +21,7 @@ from linkwork.mechanism import (
 )
 from linkwork.mechanism.document import MAX_DEPTH, MAX_ENTRIES, read_document
 from linkwork.mechanism.files import MAX_BYTES
+from linkwork.mechanism.fluid import Drag, Fluid
 from linkwork.mechanism.joints import EFFECTS
 from linkwork.mechanism.record import Record
 from linkwork.mechanism.refusal import records_in
@@ -34,6 +35,7 @@ KINDS = {
     "contacts": Contact,
     "transmissions": Transmission,
     "lifts": Lift,
+    "drags": Drag,
     "drives": Mapping[str, float | str],
 }
 SHAPES = {record.model_fields["type"].default: record for record in records_in(get_args(Shape)[0])}
@@ -119,6 +121,9 @@ def test_every_shape_with_its_fields(kind):
 @pytest.mark.parametrize("text", re.findall(r"```yml\n(.*?)```", PAGE, re.S))
 def test_snippets(text):
     for field, parts in read_document(text).data.items():
+        if field == "fluid":
+            assert Fluid(**parts) != Fluid()
+            continue
         made = TypeAdapter(Mapping[str, KINDS[field]]).validate_python(parts)
         assert list(made) == list(parts)
 

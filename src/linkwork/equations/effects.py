@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from linkwork.equations import contact
+from linkwork.equations import contact, fluid
 from linkwork.equations.algebra import SX, Number, cross, dot, present, vector, zero
 from linkwork.equations.impact import Pressing
 from linkwork.equations.joint_map import JointMap, derivative
@@ -277,7 +277,7 @@ def point_wrenches(
     mechanism: Mechanism, tree: Tree, rates: ca.SX, strains: Mapping[str, ca.SX] = NONE
 ) -> dict[int, tuple[ca.SX, ca.SX]]:
     """Return the wrenches (moment about the node's origin, force) of springs between points, of
-    weights that are carried and of contacts, by node in its axes."""
+    weights that are carried, of fluid and of contacts, by node in its axes."""
     wrenches: dict[int, tuple[ca.SX, ca.SX]] = {}
     omega = tree.angular_velocities(rates) if mechanism.springs else []
     v = tree.velocities(omega, rates) if mechanism.springs else []
@@ -294,8 +294,10 @@ def point_wrenches(
     for node, arm, force in lifted(mechanism, tree):
         near = ca.mtimes(node.axes.matrix.T, force)
         add(wrenches, node, cross(arm, near), near)
-    for touch in contact.touching(mechanism, tree, rates, strains):
-        for node, moment, force in touch.wrenches():
+    acting = [touch.wrenches() for touch in contact.touching(mechanism, tree, rates, strains)]
+    acting += [(of.wrench,) for of in fluid.resisting(mechanism, tree, rates)]
+    for wrenches_there in acting:
+        for node, moment, force in wrenches_there:
             add(wrenches, node, *(ca.mtimes(node.axes.matrix.T, part) for part in (moment, force)))
     return wrenches
 

@@ -294,7 +294,7 @@ class Equations:
 
     @property
     def wrenches(self) -> dict[int, tuple[ca.SX, ca.SX]]:
-        """Wrenches of springs between points and of contacts, by node in its axes."""
+        """Wrenches of springs between points, of contacts and of a fluid, by node in its axes."""
         return effects.point_wrenches(self.mechanism, self.tree, self.rates, self.strains)
 
     def tree_forces(self, accelerations: ca.SX, gravity: ca.SX, passive: bool = True) -> ca.SX:

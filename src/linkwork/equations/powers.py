@@ -1,14 +1,15 @@
-"""Powers: what actuators, friction, dampers and contacts bring into the mechanism, force times
-rate.
+"""Powers: what actuators, friction, dampers, contacts and a fluid bring into the mechanism, force
+times rate.
 
 actuator  u w        friction and damper in a joint  f(w) . w <= 0    damper between points  -d l'^2
+fluid     n . omega + f . v of what it acts on, where wind may bring energy in
 """
 
 from __future__ import annotations
 
 import casadi as ca
 
-from linkwork.equations import effects
+from linkwork.equations import effects, fluid
 from linkwork.equations.algebra import SX, present
 from linkwork.equations.equations import Equations
 from linkwork.equations.functions import function
@@ -17,7 +18,7 @@ from linkwork.equations.functions import function
 def power_terms(equations: Equations) -> dict[str, ca.SX]:
     """Return the actuated rates S v, the power of friction in each joint rate (m), of the damper of
     each spring between points and of what resists each transmission, of what dissipates in each
-    place of contact [W], and the weakest relative pivot.
+    place of contact and of fluid [W], and the weakest relative pivot.
     """
     mechanism, tree, w = equations.mechanism, equations.tree, equations.rates
     friction = SX.zeros(len(mechanism.rates))
@@ -39,6 +40,7 @@ def power_terms(equations: Equations) -> dict[str, ca.SX]:
         "friction": friction,
         "dampers": ca.vertcat(SX(0, 1), *dampers, *lines.values()),
         "contacts": ca.vertcat(SX(0, 1), *(of.power for of in equations.touching)),
+        "drags": ca.vertcat(SX(0, 1), *(of.power for of in fluid.resisting(mechanism, tree, w))),
         "pivot": equations.elimination.pivot,
     }
 

@@ -3,8 +3,8 @@
 A member is a chain of bodies between joints to two others; its own joints stay still while it
 spins. It has to spin at all closed configurations around the reference, for in a single one other
 joints may happen to be in line, and the mechanism has to have other freedoms beside its spins. What
-an actuator drives is no spin. A spin is idle where no friction, spring, rotor or limit acts on it
-either: it may then be left to itself.
+an actuator drives is no spin. A spin is idle where no friction, spring, rotor, limit or fluid acts
+on it either: it may then be left to itself.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import contact, effects
+from linkwork.equations import contact, effects, fluid
 from linkwork.equations.algebra import SX, cross
 from linkwork.equations.joint_map import JointMap
 from linkwork.equations.lengths import slides
@@ -151,10 +151,12 @@ def moves(
 
 
 def loaded_rows(joints: JointMap) -> ca.SX:
-    """Return the rows (rows x nv) of what friction, springs, rotors, limits and contacts act on.
+    """Return the rows (rows x nv) of what friction, springs, rotors, limits, contacts and a fluid
+    act on.
 
     They are joint rates, relative rates of change of the lengths of springs between points, and
-    velocities over the mechanism's own length where bodies may touch.
+    velocities over the mechanism's own length where bodies may touch or a fluid acts, with the
+    angular velocity there.
     """
     tree = joints.tree
     loaded = (*effects.freedoms(joints), *effects.lines(joints))
@@ -166,6 +168,8 @@ def loaded_rows(joints: JointMap) -> ca.SX:
         touch.apart(touch.touch.meeting.point) / tree.length
         for touch in contact.touching(joints.mechanism, tree, rates)
     ]
+    for of in fluid.resisting(joints.mechanism, tree, rates):
+        slides += of.motion[0], of.motion[1] / tree.length
     return ca.vertcat(
         rate_rows(joints, [*labels, *limited_rates(joints.mechanism)]),
         changes,

@@ -4,6 +4,7 @@ from linkwork.mechanism import joints, shapes, transmissions
 from linkwork.mechanism.body import Body, Inertia
 from linkwork.mechanism.contact import Contact, HeightField, Plane, Points, Sliding
 from linkwork.mechanism.effects import Bristle, Effects, Friction, Lift, Limits, PointSpring, Spring
+from linkwork.mechanism.fluid import BoxDrag, EllipsoidDrag, Fluid
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.impact import Stop
 from linkwork.mechanism.joints import *  # noqa: F403 - all types of joints
@@ -17,10 +18,13 @@ from linkwork.mechanism.transmissions import *  # noqa: F403 - all transmissions
 __all__ = [
     "GROUND",
     "Body",
+    "BoxDrag",
     "Bristle",
     "Contact",
     "DistanceTo",
     "Effects",
+    "EllipsoidDrag",
+    "Fluid",
     "Frame",
     "Friction",
     "HeightField",

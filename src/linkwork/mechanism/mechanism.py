@@ -19,6 +19,7 @@ from linkwork.mechanism.body import Body, Inertia
 from linkwork.mechanism.contact import Contact
 from linkwork.mechanism.effects import Lift, PointSpring
 from linkwork.mechanism.elastic import expanded
+from linkwork.mechanism.fluid import Drag, Fluid
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.joints import QUATERNION, TYPES, GearJoint, Joint, JointBase, PairJoint
 from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record, Vector3
@@ -110,6 +111,10 @@ class Mechanism(Record, Portrayed):
     )
     lifts: Mapping[Name, Lift] = Field(
         default_factory=dict, description="weights that are carried, by name"
+    )
+    fluid: Fluid = Field(default=Fluid(), description="what surrounds the bodies")
+    drags: Mapping[Name, Drag] = Field(
+        default_factory=dict, description="what of the bodies the fluid acts on, by name"
     )
     transmissions: Mapping[Name, Transmission] = Field(
         default_factory=dict,
@@ -206,6 +211,8 @@ class Mechanism(Record, Portrayed):
             self._check_ratios(gear.ratios, coordinates, ("joints", name, "ratios"), "be geared")
         for name, lift in self.lifts.items():
             require(lift.body, self.bodies, "body", ("lifts", name, "body"))
+        for name, drag in self.drags.items():
+            require(drag.body, self.bodies, "body", ("drags", name, "body"))
         self._check_transmissions(coordinates)
         self._check_actuators()
         for name, tool in self.tools.items():

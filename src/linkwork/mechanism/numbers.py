@@ -23,7 +23,7 @@ from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.record import Record
 from linkwork.mechanism.refusal import MechanismError, shown, suggestion
 
-SECTIONS = ("bodies", "joints", "springs", "contacts", "lifts", "transmissions", "tools")
+SECTIONS = ("bodies", "joints", "springs", "contacts", "lifts", "drags", "transmissions", "tools")
 SHORT = {"com": "centre_of_mass"}
 COMPONENTS = {"x": "0", "y": "1", "z": "2"}
 DIRECTIONS = ("rotation", "axis", "axes")
@@ -68,6 +68,11 @@ def free_numbers(mechanism: Mechanism, paths: Iterable[str]) -> dict[str, float]
             raise MechanismError(
                 f"{shown(path)} decides the form of a force and cannot be free; free stiffness, "
                 "dissipation or impact_rate"
+            )
+        if "radii" in fields:
+            raise MechanismError(
+                f"{shown(path)} decides how much fluid moves along and cannot be free; free "
+                "fluid.density, fluid.viscosity or the drag's coefficients"
             )
         if where in places:
             raise MechanismError(

@@ -16,6 +16,7 @@ import numpy as np
 
 from linkwork.control.drives import Extra
 from linkwork.control.wrenches import Wrench
+from linkwork.equations.fluid import felt
 from linkwork.mechanism.limits import touching
 from linkwork.mechanism.task import labels as labels_of
 from linkwork.mechanism.task import unit
@@ -219,6 +220,9 @@ TABLE = (
         "contact_power", ("touch",), "W", lambda s: s.powers.contacts, places=RUN, unless_zero=True
     ),
     SavedQuantity(
+        "fluid_power", ("drag",), "W", lambda s: s.powers.drags, places=RUN, unless_zero=True
+    ),
+    SavedQuantity(
         "contact_force", ("touch", "direction"), "N", lambda s: s.contacts[0], places=RUN
     ),
     SavedQuantity(
@@ -260,6 +264,7 @@ LACKING = {
     "spring": "no spring has a damper",
     "wrench": "no wrench acts",
     "touch": "no contact is described",
+    "drag": "no fluid acts",
 }
 """Why a quantity is not defined whose axis has no names, for axes of which a robot may have
 none."""
@@ -288,6 +293,7 @@ def axes_of(
         "wrench": Axis([f"{i}: {wrench.body}" for i, wrench in enumerate(wrenches)]),
         "wrench_component": Axis(COMPONENTS),
         "touch": Axis(touching(robot.mechanism)),
+        "drag": Axis(tuple(mechanism.drags) if felt(mechanism) else ()),
         "direction": Axis(("x", "y", "z")),
     }
 

@@ -49,14 +49,15 @@ class Acted(NamedTuple):
 
 class Powers(NamedTuple):
     """Hold powers [W] of actuators (K, actuators), of friction in the joint rates (K, m), of the
-    dampers of springs between points (K, springs), of what dissipates in contacts (K, touches), and
-    of external wrenches (K, wrenches).
+    dampers of springs between points (K, springs), of what dissipates in contacts (K, touches), of
+    a fluid (K, drags), and of external wrenches (K, wrenches).
     """
 
     actuators: np.ndarray
     friction: np.ndarray
     dampers: np.ndarray
     contacts: np.ndarray
+    drags: np.ndarray
     wrenches: np.ndarray
 
 
@@ -183,13 +184,13 @@ class SavedStates:
     @cached_property
     def powers(self) -> Powers:
         """What goes into the mechanism, and out of it."""
-        actuated, friction, dampers, touching, _ = self._strained("powers", powers)
+        actuated, friction, dampers, touching, drags, _ = self._strained("powers", powers)
         own = [
             np.sum(wrench * self._bodies[2][:, 6 * body : 6 * body + 6], axis=1)
             for body, wrench in self.about_centres()
         ]
         wrenches = np.column_stack([np.empty((len(self.y), 0)), *own])
-        return Powers(self.acted.force * actuated, friction, dampers, touching, wrenches)
+        return Powers(self.acted.force * actuated, friction, dampers, touching, drags, wrenches)
 
     @property
     def power(self) -> np.ndarray:

@@ -182,13 +182,10 @@ class Meshes:
         solid = self.solid(geom, notes)
         if solid is None:
             return None
-        asset = self.asset(geom)
-        # The greatest moment first, as MuJoCo has the axes of meshes.
-        moments, axes = np.linalg.eigh(solid.inertia)
-        moments, axes = moments[::-1], axes[:, ::-1] * (1, 1, np.linalg.det(axes[:, ::-1]))
-        X = asset.document.pose(geom) @ poses.pose(solid.centre, axes)
+        asset, (moments, X_own) = self.asset(geom), principal(solid)
+        X = asset.document.pose(geom) @ X_own
         if asset.document.compiler_of(geom).fit_box:
-            seen = (asset.triangles.vertices - solid.centre) @ axes
+            seen = (asset.triangles.vertices - solid.centre) @ X_own[:3, :3]
             low, high = seen.min(axis=0), seen.max(axis=0)
             half, X = (high - low) / 2, X @ poses.shift((low + high) / 2)
             size = _around(geom.attributes.get("type", "sphere"), half)
@@ -196,6 +193,24 @@ class Meshes:
             half = np.sqrt(1.5 * (moments.sum() - 2 * moments) / solid.mass)
             size = _alike(geom.attributes.get("type", "sphere"), half)
         return geom.number("fitscale", 1.0) * size, X
+
+    def reach(self, geom: Element, notes: Notes) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return how far a geom's mesh reaches from its mass centre along its principal axes, and
+        the pose of these in the body's frame; None with a note where there is no mesh."""
+        solid = self.solid(geom, notes)
+        if solid is None:
+            return None
+        asset, (_, X) = self.asset(geom), principal(solid)
+        seen = (asset.triangles.vertices - solid.centre) @ X[:3, :3]
+        return np.abs(seen).max(axis=0), asset.document.pose(geom) @ X
+
+
+def principal(solid: Solid) -> tuple[np.ndarray, np.ndarray]:
+    """Return a solid's principal moments, the greatest first as MuJoCo has those of meshes, and
+    the pose of the axes."""
+    moments, axes = np.linalg.eigh(solid.inertia)
+    axes = axes[:, ::-1] * (1, 1, np.linalg.det(axes[:, ::-1]))
+    return moments[::-1], poses.pose(solid.centre, axes)
 
 
 def _around(kind: str, half: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from linkwork.formats import poses
 from linkwork.formats.masses import solid_of
 from linkwork.formats.mjcf.actuators import ActuatorReader, ball_drives, driven_sites
 from linkwork.formats.mjcf.document import Document
+from linkwork.formats.mjcf.fluid import drags_of, fluid_of
 from linkwork.formats.mjcf.inertia import with_spring_dampers
 from linkwork.formats.mjcf.joints import Coupling, Joints, read_joints
 from linkwork.formats.mjcf.loops import Equality, LoopReader, Ties
@@ -81,10 +82,13 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
         for name, node in tree.nodes.items()
     } | joints.bodies
     lifts = _lifts(tree)
+    fluid = fluid_of(document)
+    drags = drags_of(document, tree, notes) if fluid.density or fluid.viscosity else {}
+    dragged = {drag.body for drag in drags.values()}
     _moved_by_key(document, tree, notes)
     # What closes loops: tendons, connects and welds, joint equalities.
     tendons = TendonReader(document, loops, joints, names, notes).read(ties.tendons)
-    _join_parts(tree, ties, joints, bodies, tendons.used, lifts)
+    _join_parts(tree, ties, joints, bodies, tendons.used, {*lifts, *dragged})
     closing = loops.closing(ties, names)
     gears = loops.gears(ties, joints, names)
     # All of it, named once; sites that nothing uses are tools.
@@ -105,6 +109,8 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
         "joints": everything,
         "springs": tendons.springs,
         "lifts": lifts,
+        "fluid": fluid,
+        "drags": drags,
         "transmissions": actuation.transmissions,
         "actuators": tuple(actuation.names),
         "drives": actuation.drives,
@@ -165,13 +171,15 @@ def _join_parts(
     joints: Joints,
     bodies: dict[str, Body],
     tendon_sites: set[str],
-    lifts: dict[str, Lift],
+    loaded: set[str],
 ) -> None:
     """Make one body of the parts that an export made of it.
 
     A joint that closes a loop and is no hinge or ball leads to a part of its body, named
     "body.joint" and welded to the body. Where a leaf of the tree is such a part, the joint leads to
     the body itself, which has the mass of both.
+
+    loaded: bodies on which something acts that is told of the body
     """
     # Which bodies something hangs on, holds, or stands on.
     parents = {node.parent for node in tree.nodes.values()}
@@ -185,7 +193,7 @@ def _join_parts(
             or part in parents
             or part in standing
             or uses[part] > 1
-            or part in lifts
+            or part in loaded
             or part not in joints.last
         ):
             continue

@@ -67,7 +67,7 @@ JOINT = {
 GEOM = {
     "type", "size", "fromto", "mass", "density", "mesh", "hfield", "shellinertia", "contype",
     "conaffinity", "condim", "priority", "friction", "solmix", "gap", "fitscale", "castshadow",
-    "surfacevel", "adhesion",
+    "surfacevel", "adhesion", "fluidshape", "fluidcoef",
 }  # fmt: skip
 TENDON = {
     "actuatorfrcrange", "actuatorfrclimited", "stiffness", "damping", "springlength", "limited",
@@ -131,7 +131,6 @@ CONSEQUENCES = {
     ("body", "mocap"): "the body is fixed in the world",
     ("joint", "springyield"): "springs do not yield",
 }
-FLUID = ("density", "viscosity")  # what resists motion where one of them is not zero
 NOTHING = {"0", "false", "none", "auto", ""}
 PASSIVE = ("equality", "spring", "damper", "frictionloss")
 FORCES = (*PASSIVE, "limit", "actuation")
@@ -164,7 +163,6 @@ def survey(document: Document, notes: Notes) -> None:
             notes.on(
                 section, SECTIONS.get(section.tag, "is left out: it is not known"), alters=told
             )
-    _fluid(document, notes)
     for option in document.root.each("option"):
         for flag in option.each("flag"):
             for force in FORCES:
@@ -177,25 +175,6 @@ def survey(document: Document, notes: Notes) -> None:
                         ),
                         alters=force in PASSIVE,
                     )
-
-
-def _fluid(document: Document, notes: Notes) -> None:
-    """Note the fluid around the bodies, which alters their motion where it has density or
-    viscosity; the last option of a name holds."""
-    last = {
-        name: option
-        for option in document.root.each("option")
-        for name in (*FLUID, "wind")
-        if name in option.attributes
-    }
-    said = {
-        name: option
-        for name, option in last.items()
-        if not all(_is_nothing(word) for word in option.attributes[name].split())
-    }
-    felt = any(name in said for name in FLUID)
-    for name, option in said.items():
-        notes.on(option, f"says {name}, which is left out: there is no air or water here", felt)
 
 
 def _inside(element: Element, notes: Notes) -> None:

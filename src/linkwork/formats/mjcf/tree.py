@@ -95,7 +95,11 @@ class Piece:
 @dataclass(frozen=True)
 class ModelBody:
     """Hold a body: its parent, its pose X_parent_body at qpos0, its joints, its mass, its
-    shapes."""
+    shapes.
+
+    geoms: with their defaults, and the poses of the frames around them in the body; inertial: the
+        element that gives its inertia, if one does
+    """
 
     name: str
     raw: str | None
@@ -105,16 +109,20 @@ class ModelBody:
     pieces: tuple[Piece, ...]
     solid: Solid
     shapes: tuple[Shape, ...] = ()
+    geoms: tuple[tuple[Element, np.ndarray], ...] = ()
+    inertial: Element | None = None
 
 
 @dataclass
 class ModelTree:
     """Hold the bodies in MuJoCo's order, parents first, the named sites: body, pose X_body_site;
-    and the named geoms: body, pose of what stands around them there, element."""
+    and the named geoms: body, pose of what stands around them there, element; meshes: the
+    document's."""
 
     nodes: dict[str, ModelBody] = field(default_factory=dict)
     sites: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
     geoms: dict[str, tuple[str, np.ndarray, Element]] = field(default_factory=dict)
+    meshes: Meshes = field(default_factory=Meshes)
     bodies: dict[str, str] = field(
         default_factory=lambda: {WORLD: GROUND}
     )  # name in the file -> name here
@@ -207,10 +215,11 @@ class _Parts:
 
 class TreeReader:
     def __init__(self, document: Document, notes: Notes):
-        self.document, self.notes, self.tree = document, notes, ModelTree()
+        self.document, self.notes, self.meshes = document, notes, Meshes.of(document)
+        self.tree = ModelTree(meshes=self.meshes)
         self.names = FreeNames(notes, (GROUND,))
         self.joints: set[str] = set()
-        self.materials, self.meshes = materials_of(document), Meshes.of(document)
+        self.materials = materials_of(document)
 
     def finished(self) -> ModelTree:
         total = self.document.compilers[OWN].total_mass
@@ -242,8 +251,11 @@ class TreeReader:
                 "a free joint is the only joint of a body that stands directly in the world"
             )
         pieces, solid = tuple(parts.pieces), self.solid(element, parts)
+        given = self.document.compiler_of(element).from_geoms != "true"
         self.tree.nodes[name] = ModelBody(
-            name, raw, parent, place, element, pieces, solid, self.shapes(parts)
+            *(name, raw, parent, place, element, pieces, solid, self.shapes(parts)),
+            geoms=tuple(parts.geoms),
+            inertial=parts.inertial if given else None,
         )
 
     def contents(

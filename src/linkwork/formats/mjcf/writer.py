@@ -562,6 +562,8 @@ class _Writer:
             say("limits are stops in MuJoCo; here passing them is only reported")
         if any(own.friction.static or own.friction.bristle for own in effects):
             say("static friction and bristles are left out: MuJoCo has frictionloss alone")
+        if self.mechanism.drags:
+            say("the fluid is left out: MuJoCo has one that acts on all bodies")
         if self.mechanism.contacts:
             say("contacts are left out: MuJoCo's follow another law, by solref and solimp")
         if any(own.stop for own in effects):

@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
+from linkwork.equations.fluid import felt
 from linkwork.lab.engines.interface import EngineError, EngineRun, checked
 from linkwork.lab.engines.motion import BodyMotion, JointMotion, places, read_joints
 from linkwork.lab.engines.rewrite import with_free_joints, with_links
@@ -83,7 +84,7 @@ def carry(mechanism: Mechanism, guess: Guess) -> Carried:
 
     Raises:
         EngineError: a body has no mass that its rods could borrow, or there are stops,
-            contacts, static friction or bristles.
+            contacts, static friction, bristles or a fluid.
     """
     for name in meetings(mechanism):
         raise EngineError(f"{name}: engines stop by laws of their own; compare without stops")
@@ -92,6 +93,8 @@ def carry(mechanism: Mechanism, guess: Guess) -> Carried:
             raise EngineError(
                 f"joints.{name}: engines have no friction with a rise or bristles; compare without"
             )
+    if felt(mechanism):
+        raise EngineError("fluid: not every engine has one; compare without")
     hanging, hung = with_free_joints(mechanism)
     return Carried(mechanism, hanging, spanning_tree(hanging), hung, with_links(hanging), guess)
 

@@ -55,12 +55,13 @@ class Textbook:
     @cached_property
     def tree(self) -> SpanningTree:
         """Return the spanning tree whose paths K and phi follow."""
-        if self.mechanism.transmissions or self.mechanism.lifts:
+        mechanism = self.mechanism
+        if mechanism.transmissions or mechanism.lifts or mechanism.drags:
             raise LinkworkError(
-                f"{self.mechanism.name} has transmissions or lifts, which the paper's equations do "
-                "not; take them out of the description"
+                f"{mechanism.name} has transmissions, lifts or drags, which the paper's equations "
+                "do not; take them out of the description"
             )
-        return spanning_tree(self.mechanism)
+        return spanning_tree(mechanism)
 
     @property
     def m(self) -> int:
