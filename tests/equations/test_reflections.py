@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from linkwork.equations import derive
+from linkwork.equations.equations import smallest_singular
 from linkwork.equations.reference import least_step
-from linkwork.equations.reflections import reflect
+from linkwork.equations.reflections import least_singular, reflect
 from linkwork.robots import bricard, n_four_bar, stewart
 
 
@@ -37,6 +38,30 @@ def test_independent_rows_and_null_space(rows, columns, dependent):
         assert N.shape == (columns, columns - rank)
         assert np.allclose(N.T @ N, np.eye(columns - rank), atol=1e-14)
         assert np.allclose(A @ N, 0, atol=1e-13)
+
+
+@pytest.mark.parametrize(("rows", "columns", "dependent"), [(6, 9, 0), (30, 40, 5), (25, 15, 10)])
+def test_the_least_singular_value(rows, columns, dependent):
+    for seed in range(5):
+        A = sparse_rows(seed, rows, columns, dependent)
+        rank, values = np.linalg.matrix_rank(A), np.linalg.svd(A, compute_uv=False)
+        assert np.isclose(least_singular(A, rank), values[rank - 1], rtol=1e-9, atol=0)
+        assert least_singular(A, rank + 1) is None
+
+
+def test_a_large_ladder_is_judged_by_its_least_singular_value():
+    """Above 300 rows no dense decomposition is made; with a redundant row it is the same value."""
+    equations = derive(n_four_bar(160))
+    (Phi,) = equations.tree.evaluated("Phi", [equations.rows.Phi])(equations.reference)
+    Phi = equations.scaled(np.array(Phi))
+    assert len(Phi) == 320
+    exact = np.linalg.svd(Phi, compute_uv=False)
+    assert np.isclose(equations.smallest, exact[-1], rtol=1e-9, atol=0)
+    more = np.vstack([Phi, Phi[3] + Phi[7]])
+    again = np.linalg.svd(more, compute_uv=False)
+    assert np.isclose(smallest_singular(more, 320), again[319], rtol=1e-9, atol=0)
+    stack = smallest_singular(np.array([Phi, 2 * Phi]), 320)
+    assert np.allclose(stack, exact[-1] * np.array([1, 2]), rtol=1e-9, atol=0)
 
 
 def test_without_rows_all_is_free():

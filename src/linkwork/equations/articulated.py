@@ -33,7 +33,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations.algebra import SX, Number, cross, dot, present, zero
-from linkwork.equations.dynamics import Wrenches, along, near_moments, node_wrench
+from linkwork.equations.dynamics import Wrenches, along, node_wrench
 from linkwork.equations.moments import Moments
 from linkwork.equations.orientation import Axes, convert
 from linkwork.equations.tree import Column, Node, Tree
@@ -151,7 +151,7 @@ def accelerations(
     """
     # Wrenches that hold w' = 0.
     omega = tree.angular_velocities(rates)
-    alpha, a = tree.accelerations(omega, rates, SX.zeros(rates.numel()), -gravity)
+    alpha, a = tree.accelerations(omega, rates, None, -gravity)
     felt = [own_inertia(node, omega, alpha, a, applied) for node in tree.nodes]
     # Inward: every rate is solved for, and taken out.
     solved: list[list[Solved]] = [[] for _ in tree.nodes]
@@ -191,7 +191,7 @@ def own_inertia(
     node: Node, omega: list[ca.SX], alpha: list[ca.SX], a: list[ca.SX], applied: Wrenches
 ) -> Articulated:
     """Return a node's inertia, and the wrench of its motion less the one that is applied."""
-    m, h, inertia = near_moments(node)
+    m, h, inertia = node.near_moments
     moment, force = applied.get(node.index, (zero(), zero()))
     N, F = node_wrench(node, omega, alpha, a)
     return Articulated(inertia, ca.skew(h), m * SX.eye(3), N - moment, F - force)

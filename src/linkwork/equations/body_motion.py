@@ -103,7 +103,7 @@ def tool_twist(tree: Tree, tool: Tool, rates: ca.SX) -> tuple[ca.SX, ca.SX]:
         J = relative_jacobian(tree, node, d, tree.node(tool.relative_to))
         return J, ca.mtimes(derivative(J, tree, rates), rates)
     omega = tree.angular_velocities(rates)
-    alpha, a = tree.accelerations(omega, rates, SX.zeros(rates.numel()), zero())
+    alpha, a = tree.accelerations(omega, rates, None, zero())
     i, A = node.index, node.axes.matrix
     point = a[i] + cross(alpha[i], d) + spin(omega[i], d)
     return jacobian(tree, node, d), ca.vertcat(ca.mtimes(A, alpha[i]), ca.mtimes(A, point))

@@ -18,7 +18,7 @@ Source: the paper, Eqs. (1), (2); Nikravesh 1988, ch. 6 (constraints by vectors)
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -176,33 +176,41 @@ def moving(column: Column, node: Node, d: ca.SX) -> ca.SX:
 
 
 def jacobian(tree: Tree, cut: Cut) -> ca.SX:
-    """Return the rows of Phi (rows x nv)."""
-    Phi, near = SX(len(cut.rows), len(tree.rates)), turning_alike(tree, cut)
-    lines = [line(cut, row) for row in cut.rows]
+    """Return the rows of Phi (rows x nv, without elements that are zero)."""
+    near, every, columns = turning_alike(tree, cut), range(len(cut.rows)), {}
+    lines = ca.horzcat(SX(3, 0), *[line(cut, row) for row in cut.rows])
     for sign, column, node, d in reaches(tree, cut):
-        velocity = moving(column, node, d)
-        for k, row in enumerate(cut.rows):
-            own = near.get(node.index) if sign < 0 and near_enough(cut, row, column, node) else None
-            value = (
-                near_effect(cut, row, column, node, *own)
-                if own
-                else effect(cut, row, lines[k], column, node, velocity)
-            )
-            Phi[k, column.rate] = sign * value
-    return Phi
+        own = near.get(node.index) if sign < 0 else None
+        here = [k for k in every if own and near_enough(cut, cut.rows[k], column, node)]
+        there = [k for k in every if k not in here]
+        found = SX.zeros(len(every))
+        if own and here:
+            found[here] = near_effects(cut, here, column, node, *own)
+        if there:
+            velocity = moving(column, node, d)
+            found[there] = effects(cut, cut.rows, there, lines, column, node, velocity)
+        columns[column.rate] = -found if sign < 0 else found
+    return arranged(columns, len(every), len(tree.rates))
 
 
 def open_jacobian(tree: Tree, cut: Cut) -> ca.SX:
-    """Return the derivative of phi along the rates (rows x nv) also where the joint is open
-    (a thread's: to first order)."""
-    J = SX(len(cut.rows), len(tree.rates))
+    """Return the derivative of phi along the rates (rows x nv, without elements that are zero) also
+    where the joint is open (a thread's: to first order)."""
     rows = [replace(row, crossing=row.f is not None) for row in cut.rows]
-    lines = [line(cut, row) for row in rows]
+    lines, columns = ca.horzcat(SX(3, 0), *[line(cut, row) for row in rows]), {}
     for sign, column, node, d in reaches(tree, cut, parted=True):
         velocity = moving(column, node, d)
-        for k, row in enumerate(rows):
-            J[k, column.rate] = sign * effect(cut, row, lines[k], column, node, velocity)
-    return J
+        found = effects(cut, rows, range(len(rows)), lines, column, node, velocity)
+        columns[column.rate] = -found if sign < 0 else found
+    return arranged(columns, len(rows), len(tree.rates))
+
+
+def arranged(columns: Mapping[int, ca.SX], rows: int, width: int) -> ca.SX:
+    """Return a sparse matrix (rows x width) of some of its columns."""
+    found = SX(rows, width)
+    if columns:
+        found[:, list(columns)] = ca.sparsify(ca.horzcat(*columns.values()))
+    return found
 
 
 def line(cut: Cut, row: Row) -> ca.SX:
@@ -213,20 +221,34 @@ def line(cut: Cut, row: Row) -> ca.SX:
     return in_axes(cut.this.R, row.e if row.f is None else row.moment)
 
 
-def effect(cut: Cut, row: Row, line: ca.SX, column: Column, node: Node, velocity: ca.SX) -> ca.SX:
-    """Return what a unit rate does to a row, up to the sign of the side it is on.
+def effects(
+    cut: Cut,
+    rows: Sequence[Row],
+    places: Sequence[int],
+    lines: ca.SX,
+    column: Column,
+    node: Node,
+    velocity: ca.SX,
+) -> ca.SX:
+    """Return what a unit rate does to the rows at some places, up to the sign of the side it is on.
 
-    line: of the row; velocity: of the joint's point (`moving`)
+    lines: of all rows (3 x rows); velocity: of the joint's point (`moving`)
     """
-    this, axes = cut.this, node.column_axes
-    if row.length is not None:
-        return dot(ca.mtimes(axes.matrix.T, cut.that.P - this.P), velocity) / row.length
-    e = convert(line, this.node.axes, axes)
-    if row.f is not None:
-        return dot(e, column.z) if node.turns else SX(0)
-    return dot(e, velocity) - (
-        row.pitch * dot(e, column.z) if row.pitch is not None and node.turns else SX(0)
-    )
+    this, axes, turns = cut.this, node.column_axes, node.turns
+    e = convert(lines, this.node.axes, axes)
+    moved = ca.mtimes(e.T, velocity)
+    turned = ca.mtimes(e.T, column.z) if turns else SX.zeros(len(rows))
+    found = moved[list(places)]
+    for place, k in enumerate(places):
+        row = rows[k]
+        if row.length is not None:
+            gap = ca.mtimes(axes.matrix.T, cut.that.P - this.P)
+            found[place] = dot(gap, velocity) / row.length
+        elif row.f is not None:
+            found[place] = turned[k]
+        elif row.pitch is not None and turns:
+            found[place] -= row.pitch * turned[k]
+    return found
 
 
 def turning_alike(tree: Tree, cut: Cut) -> dict[int, tuple[np.ndarray, ca.SX]]:
@@ -254,15 +276,22 @@ def near_enough(cut: Cut, row: Row, column: Column, node: Node) -> bool:
     return plain and column.local_z is not None and not (node.turns and cut.open)
 
 
-def near_effect(cut: Cut, row: Row, column: Column, node: Node, C: np.ndarray, d: ca.SX) -> ca.SX:
-    """Return `effect` in the frame of this side's body, where the row's directions and the column
+def near_effects(
+    cut: Cut, places: Sequence[int], column: Column, node: Node, C: np.ndarray, d: ca.SX
+) -> ca.SX:
+    """Return `effects` in the frame of this side's body, where the rows' directions and the column
     are constant."""
-    R_F = cut.this.R_F
+    R_F, rows = cut.this.R_F, [cut.rows[k] for k in places]
     z, s = (constant(snap(C @ part)) for part in (column.local_z, column.local_s))
-    if row.f is not None:
-        return dot(constant(snap(R_F @ row.moment)), z) if node.turns else SX(0)
-    e = constant(snap(R_F @ row.e))
-    return (dot(e, cross(z, d)) if node.turns else SX(0)) + (dot(e, s) if node.slides else SX(0))
+    along = constant(np.array([snap(R_F @ row.e) for row in rows]))
+    about = constant(np.array([snap(R_F @ row.moment) for row in rows]))
+    turned = ca.mtimes(about, z) if node.turns else SX.zeros(len(rows))
+    moved = ca.mtimes(along, cross(z, d)) if node.turns else SX.zeros(len(rows))
+    if node.slides:
+        moved += ca.mtimes(along, s)
+    holding_turns = [place for place, row in enumerate(rows) if row.f is not None]
+    moved[holding_turns] = turned[holding_turns]
+    return moved
 
 
 def crossed(cut: Cut, row: Row) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -281,15 +310,13 @@ def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
     side's axes.
     """
     # Rates, angular velocities and accelerations on this loop alone, at w' = 0.
-    free = sorted({column.rate for _, column, *_ in reaches(tree, cut)})
-    own = SX.zeros(rates.numel())
-    own[free] = rates[free]
-    rates = own
-    this, that = cut.this, cut.that
+    this, that, common = cut.this, cut.that, shared(tree, cut)
     inward = {node.index for side in cut.sides for node in tree.path(side.node)}
     nodes = [tree.nodes[index] for index in sorted(inward)]
-    omega = tree.angular_velocities(rates, nodes)
-    alpha, a = tree.accelerations(omega, rates, SX.zeros(rates.numel()), zero(), nodes)
+    inner = [column.rate for node in nodes for column in node.columns]
+    own = {rate: SX(0) if rate in common else rates[rate] for rate in inner}
+    omega = tree.angular_velocities(own, nodes)
+    alpha, a = tree.accelerations(omega, own, None, zero(), nodes)
     i, j = this.node.index, that.node.index
 
     def here(x: ca.SX) -> ca.SX:
@@ -312,7 +339,7 @@ def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
         elif row.f is not None:
             result.append(dot(in_axes(this.R, row.moment), turning))
         elif cut.open:
-            v = tree.velocities(omega, rates, nodes)
+            v = tree.velocities(omega, own, nodes)
             v_that = here(v[j] + cross(omega[j], d))
             side = omega[i], alpha[i], v_that - v[i], a_that - a[i]
             result.append(open_bias(cut, row, *side, turning))

@@ -115,7 +115,8 @@ def derive(
     samples = [*stacked]
     # Rows that depend on others are left out; what has no motion, or leaves its plane, is refused.
     kept = independent_rows(samples)
-    redundant = tuple(name for name in every if name not in [rows.names[index] for index in kept])
+    held_names = {rows.names[index] for index in kept}
+    redundant = tuple(name for name in every if name not in held_names)
     mobility.refuse_locked(topology, tree, rows.names, samples[0])
     refuse_out_of_plane(mechanism, tree, configurations, samples)
     # Independent rates and an elimination for L.

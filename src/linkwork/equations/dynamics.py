@@ -16,42 +16,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import casadi as ca
-import numpy as np
 
 from linkwork.equations.algebra import SX, Number, cross, dot, present, spin, zero
 from linkwork.equations.orientation import convert
-from linkwork.equations.tree import Column, Node, Tree, in_axes
+from linkwork.equations.tree import Column, Node, Tree
 
 Wrenches = Mapping[int, tuple[ca.SX, ca.SX]]
-
-
-def near_moments(node: Node) -> tuple[Number, ca.SX, ca.SX]:
-    """Return m, h = R h_local, I = R I_local R' of a node in its axes."""
-    return node.moments.m, in_axes(node.R, node.moments.h), near_inertia(node)
-
-
-def near_inertia(node: Node) -> ca.SX:
-    """Return R I_local R' from the principal moments: I_b 1 + (I_a - I_b) a a' + (I_c - I_b) c c'.
-
-    a, c are two principal axes in the node's axes; where two moments are equal one of them is not
-    needed. Where a number of I_local is free the product is formed as it stands.
-    """
-    inertia = node.moments.I
-    if not present(inertia):
-        return SX(3, 3)
-    if isinstance(inertia, SX):
-        return ca.densify(ca.mtimes([node.R.near, inertia, node.R.near.T]))
-    if np.count_nonzero(inertia - np.diag(np.diagonal(inertia))) == 0:
-        values, axes = np.diagonal(inertia), np.eye(3)
-    else:
-        values, axes = np.linalg.eigh(inertia)
-    middle = int(np.argsort(values)[1])
-    result = values[middle] * SX.eye(3)
-    for value, axis in zip(values, axes.T, strict=True):
-        if abs(value - values[middle]) > 1e-15 * np.max(np.abs(values)):
-            a = in_axes(node.R, axis)
-            result += (value - values[middle]) * ca.mtimes(a, a.T)
-    return ca.densify(result)
 
 
 def generalised_inertia(tree: Tree) -> ca.SX:
@@ -62,7 +32,7 @@ def generalised_inertia(tree: Tree) -> ca.SX:
     unit acceleration of a rate needs the wrench  F = z x h + m s,  N = I z + h x s  about O; H_ij
     projects it on the columns inward.
     """
-    moments = [near_moments(node) for node in tree.nodes]
+    moments = [node.near_moments for node in tree.nodes]
     H = SX.zeros(len(tree.rates), len(tree.rates))
     for node in reversed(tree.nodes):
         m, h, inertia = moments[node.index]
@@ -122,7 +92,8 @@ def inertia_forces(
     F = m a_O + A h,  N = I alpha + omega x (I omega) + h x a_O  about O.
     """
     omega = tree.angular_velocities(rates)
-    alpha, a = tree.accelerations(omega, rates, accelerations, -gravity)
+    moved = None if accelerations.is_zero() else accelerations
+    alpha, a = tree.accelerations(omega, rates, moved, -gravity)
     forces, moments = [zero() for _ in tree.nodes], [zero() for _ in tree.nodes]
     for index, (moment, force) in (applied or {}).items():
         moments[index], forces[index] = -moment, -force
@@ -146,7 +117,7 @@ def node_wrench(
     node: Node, omega: list[ca.SX], alpha: list[ca.SX], a: list[ca.SX]
 ) -> tuple[ca.SX, ca.SX]:
     """Return N about the origin and F that the motion of a node's own inertia needs."""
-    m, h, inertia = near_moments(node)
+    m, h, inertia = node.near_moments
     w, turning, moving = omega[node.index], alpha[node.index], a[node.index]
     F = m * moving + cross(turning, h) + spin(w, h)
     N = ca.mtimes(inertia, turning) + cross(w, ca.mtimes(inertia, w)) + cross(h, moving)

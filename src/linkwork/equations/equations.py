@@ -28,6 +28,7 @@ from linkwork.equations.chart import COFACTOR_SIZE, Chart, constancy
 from linkwork.equations.closure import Cut
 from linkwork.equations.elimination import solve, weakest
 from linkwork.equations.joint_map import JointMap
+from linkwork.equations.reflections import least_singular
 from linkwork.equations.topology import Topology
 from linkwork.equations.tree import Tree
 from linkwork.mechanism import Mechanism
@@ -44,6 +45,7 @@ GAPING = 1e-4
 """Gap of a row that is not held, in own units, that rounded numbers do not explain anywhere."""
 DOUBTFUL = 1e-5  # pivot that may be a rounding error, over the largest number at the outset
 FEW = 8  # matrices whose singular values are found as quickly as the signs of their pivots
+LARGE = 300  # rank from which on singular values by reflections of sparse rows are found sooner
 HIDDEN = 1e-13  # part of a product that rounding hides
 PAIR, MORE = 45, 250
 """Operations that M takes for each pair of rates one of which carries the other, and those that
@@ -386,6 +388,10 @@ def scaled(Phi: np.ndarray, sizes: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
 
 def smallest_singular(Phi: np.ndarray, rank: int) -> np.ndarray:
     """Return the singular value number `rank` of matrices (..., rows x columns), 1 for rank 0."""
+    if rank > LARGE:
+        found = [least_singular(one, rank) for one in Phi.reshape(-1, *Phi.shape[-2:])]
+        if None not in found:
+            return np.array(found).reshape(Phi.shape[:-2])
     return np.linalg.svd(Phi, compute_uv=False)[..., rank - 1] if rank else np.ones(Phi.shape[:-2])
 
 

@@ -11,9 +11,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import Number, Vector, inner, outer, vector
+from linkwork.equations.algebra import SX, Number, Vector, inner, outer, present, vector
+from linkwork.equations.orientation import Orientation
 from linkwork.mechanism import Body, Inertia
 
 
@@ -45,6 +47,33 @@ class Moments:
         h, inertia = R @ self.h, R @ self.I @ R.T
         cross_terms = 2 * inner(r, h) * np.eye(3) - outer(r, h) - outer(h, r)
         return Moments(self.m, h + self.m * r, inertia + cross_terms + self.m * steiner(r))
+
+    def turned(self, R: Orientation) -> tuple[Number, ca.SX, ca.SX]:
+        """Return m, h, I of this node in the axes in which R gives it."""
+        return self.m, R.turned(self.h), turned_inertia(self.I, R)
+
+
+def turned_inertia(inertia: Vector, R: Orientation) -> ca.SX:
+    """Return R I R' from the principal moments: I_b 1 + (I_a - I_b) a a' + (I_c - I_b) c c'.
+
+    a, c are two principal axes in R's axes; where two moments are equal one of them is not needed.
+    Where a number of I is free the product is formed as it stands.
+    """
+    if not present(inertia):
+        return SX(3, 3)
+    if isinstance(inertia, SX):
+        return ca.densify(ca.mtimes([R.near, inertia, R.near.T]))
+    if np.count_nonzero(inertia - np.diag(np.diagonal(inertia))) == 0:
+        values, axes = np.diagonal(inertia), np.eye(3)
+    else:
+        values, axes = np.linalg.eigh(inertia)
+    middle = int(np.argsort(values)[1])
+    result = values[middle] * SX.eye(3)
+    for value, axis in zip(values, axes.T, strict=True):
+        if abs(value - values[middle]) > 1e-15 * np.max(np.abs(values)):
+            a = R.turned(axis)
+            result += (value - values[middle]) * ca.mtimes(a, a.T)
+    return ca.densify(result)
 
 
 def tensor(inertia: Inertia) -> Vector:

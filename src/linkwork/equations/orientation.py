@@ -13,13 +13,13 @@ constant, and what hangs on it again moves as in a plane.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, constant, skew, snap
+from linkwork.equations.algebra import SX, Vector, constant, present, skew, snap, zero
 
 PARALLEL = 1e-12
 
@@ -68,6 +68,7 @@ class Orientation:
     axis: np.ndarray
     angle: ca.SX
     right: np.ndarray
+    _turned: dict[bytes, ca.SX] = field(default_factory=dict, repr=False)
 
     @classmethod
     def identity(cls) -> Orientation:
@@ -83,12 +84,25 @@ class Orientation:
         s, c = ca.sin(self.angle), ca.cos(self.angle)
         across, spin = constant(snap(np.eye(3) - along)), constant(skew(self.axis))
         turn = constant(along) + c * across + s * spin
-        return ca.densify(ca.mtimes(turn, constant(self.right)))
+        plain = np.array_equal(self.right, np.eye(3))
+        return ca.densify(turn if plain else ca.mtimes(turn, constant(self.right)))
 
     @cached_property
     def matrix(self) -> ca.SX:
         """R_0B as an expression."""
         return ca.densify(ca.mtimes(self.axes.matrix, self.near))
+
+    def turned(self, local: Vector) -> ca.SX:
+        """Return a constant vector of the body in `axes`, not to be changed in place: the same one
+        is made once."""
+        key = local.tobytes() if isinstance(local, np.ndarray) else None
+        if key not in self._turned:
+            local = snap(local)
+            found = ca.mtimes(self.near, constant(local)) if present(local) else zero()
+            if key is None:
+                return found
+            self._turned[key] = found
+        return self._turned[key]
 
     def then_constant(self, rotation: np.ndarray) -> Orientation:
         """Return R_0B rotation; a constant rotation about the axis goes into the angle."""

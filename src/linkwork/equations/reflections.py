@@ -54,17 +54,29 @@ def reflect(A: np.ndarray, dependent: float = DEPENDENT_ROW) -> Reflections:
 
     dependent: what is left of a dependent row, over the longest row
     """
+    return reflected(A, dependent)[0]
+
+
+def reflected(A: np.ndarray, dependent: float = DEPENDENT_ROW) -> tuple[Reflections, np.ndarray]:
+    """Return the reflections of `reflect`, and L (rows x rank) of  A = L Q',  but for what is left
+    of dependent rows; Q: the columns of `row_space`."""
     rest, free = np.array(A, float), np.ones(A.shape[1], bool)
     least = dependent * np.linalg.norm(rest, axis=1).max(initial=0.0)
     rows, pivots, reflections = [], [], []
+    ends = len(rest) - np.argmax(rest[::-1] != 0, axis=0) if len(rest) else free
     for row in range(len(rest)):
         columns = np.flatnonzero(free & (rest[row] != 0))
-        x, later = rest[row, columns], rest[row + 1 :, columns]
+        x = rest[row, columns]
         length = float(np.linalg.norm(x))
         if not length > least:
             continue
+        # No row from `end` on has anything in these columns.
+        ends[columns] = end = int(ends[columns].max())
+        later = rest[row + 1 : end, columns]
         touching = later != 0
         place = int(np.argmin(touching.sum(axis=0)))
+        rest[row, columns] = 0.0
+        rest[row, columns[place]] = -np.copysign(length, x[place])
         x[place] += np.copysign(length, x[place])
         v = x / np.linalg.norm(x)
         touched = np.flatnonzero(touching.any(axis=1))
@@ -73,4 +85,34 @@ def reflect(A: np.ndarray, dependent: float = DEPENDENT_ROW) -> Reflections:
         rows.append(row)
         pivots.append(int(columns[place]))
         reflections.append((columns, v))
-    return Reflections(A.shape[1], tuple(rows), tuple(pivots), tuple(reflections))
+    found = Reflections(A.shape[1], tuple(rows), tuple(pivots), tuple(reflections))
+    return found, rest[:, pivots]
+
+
+def least_singular(A: np.ndarray, rank: int) -> float | None:
+    """Return the singular value number `rank` of a matrix whose rows have few elements; None where
+    not as many of its rows are independent, or none is found.
+
+    With  A = L Q'  and  L' = T P'  by reflections, T (rank x rank) is triangular and has A's
+    singular values but for those of dependent rows. The least is found by Lanczos's method on
+    (T T')^-1.
+    Source: Golub & Van Loan 2013, sec. 10.1.
+    """
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh, splu
+
+    first, L = reflected(A)
+    if len(first.rows) != rank:
+        return None
+    T = L[list(first.rows)]
+    if len(A) > rank:
+        second, T = reflected(L.T)
+        if len(second.rows) != rank:
+            return None
+    solver = splu(csc_array(T), permc_spec="NATURAL", diag_pivot_thresh=0.0)
+    inverse = LinearOperator((rank, rank), lambda x: solver.solve(solver.solve(x), "T"))
+    try:
+        found = eigsh(inverse, 1, v0=np.ones(rank), return_eigenvectors=False)
+    except ArpackNoConvergence:
+        return None
+    return float(1 / np.sqrt(found[0]))

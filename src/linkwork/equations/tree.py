@@ -30,16 +30,17 @@ import numpy as np
 
 from linkwork.equations.algebra import (
     SX,
+    Number,
     Vector,
     constant,
     cross,
-    present,
     quaternion_map,
     quaternion_matrix,
     rotation_matrix,
     snap,
     spin,
     symbol,
+    total,
     vector,
     zero,
 )
@@ -48,6 +49,8 @@ from linkwork.equations.moments import Moments, regrouped
 from linkwork.equations.orientation import GROUND_AXES, Axes, Orientation, convert
 from linkwork.equations.topology import Branch, Topology
 from linkwork.mechanism import GROUND, Body, Mechanism, PairJoint
+
+Rates = ca.SX | Mapping[int, ca.SX]  # of the tree, or of some of its joints, by their places
 
 
 @dataclass(frozen=True)
@@ -102,13 +105,18 @@ class Node:
     def axes(self) -> Axes:
         return self.R.axes
 
-    @property
+    @cached_property
     def turns(self) -> bool:
         return self.motion is not None and self.motion.turns
 
-    @property
+    @cached_property
     def slides(self) -> bool:
         return self.motion is not None and self.motion.slides
+
+    @cached_property
+    def near_moments(self) -> tuple[Number, ca.SX, ca.SX]:
+        """m, h, I in the node's axes."""
+        return self.moments.turned(self.R)
 
 
 MASSLESS = Body(mass=0.0)
@@ -278,7 +286,7 @@ class Tree:
         """Return (p . p - 1) / 2 of every quaternion, which stays zero."""
         return [(ca.sumsqr(self.q[list(places)]) - 1) / 2 for places, _ in self.quaternions]
 
-    def angular_velocities(self, rates: ca.SX, nodes: Sequence[Node] | None = None) -> list[ca.SX]:
+    def angular_velocities(self, rates: Rates, nodes: Sequence[Node] | None = None) -> list[ca.SX]:
         """Return omega of every node for the rates w, in its axes; the last is ground's. Given
         nodes, the others rest."""
         omega = [zero()] * (len(self.nodes) + 1)
@@ -290,7 +298,7 @@ class Tree:
         return omega
 
     def velocities(
-        self, omega: list[ca.SX], rates: ca.SX, nodes: Sequence[Node] | None = None
+        self, omega: list[ca.SX], rates: Rates, nodes: Sequence[Node] | None = None
     ) -> list[ca.SX]:
         """Return v_O of every node for the rates w, in its axes; the last is ground's. Given nodes,
         the others rest."""
@@ -308,13 +316,13 @@ class Tree:
     def accelerations(
         self,
         omega: list[ca.SX],
-        rates: ca.SX,
-        accelerations: ca.SX,
+        rates: Rates,
+        accelerations: ca.SX | None,
         base: ca.SX,
         nodes: Sequence[Node] | None = None,
     ) -> tuple[list[ca.SX], list[ca.SX]]:
-        """Return alpha and a_O of every node for w', in its axes, with the acceleration `base` of
-        ground.
+        """Return alpha and a_O of every node for w' (zero where None), in its axes, with the
+        acceleration `base` of ground.
 
         The last elements are ground's. Given nodes, only those and the ones inward of them move.
         """
@@ -325,20 +333,24 @@ class Tree:
             alpha[i], a[i] = (convert(x, node.before, node.axes) for x in (alpha[p], carried))
             omega_p = convert(omega[p], node.before, node.column_axes)
             if node.turns:
-                turn = turning(node, accelerations) + cross(omega_p, turning(node, rates))
+                turn = cross(omega_p, turning(node, rates))
+                if accelerations is not None:
+                    turn = turning(node, accelerations) + turn
                 alpha[i] += convert(turn, node.column_axes, node.axes)
             if node.slides:
-                slide = sliding(node, accelerations) + 2 * cross(omega_p, sliding(node, rates))
+                slide = 2 * cross(omega_p, sliding(node, rates))
+                if accelerations is not None:
+                    slide = sliding(node, accelerations) + slide
                 a[i] += convert(slide, node.column_axes, node.axes)
         return alpha, a
 
 
-def turning(node: Node, rates: ca.SX) -> ca.SX:
-    return sum((column.z * rates[column.rate] for column in node.columns), zero())
+def turning(node: Node, rates: Rates) -> ca.SX:
+    return total([column.z * rates[column.rate] for column in node.columns])
 
 
-def sliding(node: Node, rates: ca.SX) -> ca.SX:
-    return sum((column.s * rates[column.rate] for column in node.columns), zero())
+def sliding(node: Node, rates: Rates) -> ca.SX:
+    return total([column.s * rates[column.rate] for column in node.columns])
 
 
 def offset(node: Node, position: Vector) -> ca.SX:
@@ -372,21 +384,31 @@ def grow(
     # Nodes from ground outwards: each joint's behind that of the body that it hangs on.
     q, names = SX.sym("q", len(coordinates)), (tuple(coordinates), tuple(rates))
     p = ca.vertcat(SX(0, 1), *[symbol(path) for path in parameters])
-    tree = Tree(q, *names, tuple(quaternions), (), parameters, p, length)
+    nodes, of_bodies = [], {GROUND: GROUND_NODE}
     for branch in topology.branches:
         joint, body = topology.joints[branch.joint], mechanism.bodies.get(branch.body, MASSLESS)
-        nodes = branch_nodes(joint, body, tree, branch, *places[branch.joint])
-        tree = replace(tree, nodes=(*tree.nodes, *nodes))
-    return replace(tree, nodes=regroup(tree.nodes))
+        parent, start, rate = of_bodies[branch.parent], *places[branch.joint]
+        nodes += branch_nodes(joint, body, q, parent, branch, len(nodes), start, rate, length)
+        of_bodies[branch.body] = nodes[-1]
+    return Tree(q, *names, tuple(quaternions), regroup(tuple(nodes)), parameters, p, length)
 
 
 def branch_nodes(
-    joint: PairJoint, body: Body, tree: Tree, branch: Branch, start: int, rate: int
+    joint: PairJoint,
+    body: Body,
+    q: ca.SX,
+    parent: Node,
+    branch: Branch,
+    first: int,
+    start: int,
+    rate: int,
+    length: float,
 ) -> Iterator[Node]:
     """Yield the nodes that one joint adds, the last one being the body; a joint without motion adds
     one all the same.
 
-    start, rate: places of the joint's first coordinate in q and first rate in w
+    parent: that the joint hangs on; first: index of the first node; start, rate: places of the
+    joint's first coordinate in q and first rate in w; length: the mechanism's own [m]
     """
     # The joint's steps from the parent outwards, whichever way it was described.
     inner, outer = reversed(joint.frames) if branch.reversed else joint.frames
@@ -394,19 +416,17 @@ def branch_nodes(
     if branch.reversed:
         steps = [(motion.reversed(), places, rates) for motion, places, rates in reversed(steps)]
     origin, own = vector(outer.position), rotation_matrix(outer.rotation).T
-    parent = tree.node(branch.parent)
     arm, turned = (
-        snap(vector(inner.position) - parent.frame_origin, tree.length),
+        snap(vector(inner.position) - parent.frame_origin, length),
         rotation_matrix(inner.rotation),
     )
-    first = len(tree.nodes)
     # A node for each step: turned and moved against the one before; the last one is the body.
     for index, (motion, places, rates) in enumerate(
         steps or [(None, range(0), range(0))], start=first
     ):
         last = index == first + max(len(steps), 1) - 1
         after = own if last else np.eye(3)
-        coordinate = tree.q[list(places)]
+        coordinate = q[list(places)]
         R = moved(parent.R.then_constant(turned), motion, coordinate, branch.reversed)
         slide = (
             constant(snap(turned @ motion.slide)) * coordinate
@@ -430,7 +450,7 @@ def branch_nodes(
             column_axes=column_axes,
             R=R.then_constant(after),
             before=parent.axes,
-            O=parent.O + ca.mtimes(parent.axes.matrix, r),
+            O=parent.O + in_ground(parent.axes, r),
             r=r,
             near_r=near_r,
             arm=arm if motion is None or not motion.slides else None,
@@ -493,13 +513,17 @@ def columns(
 
 def in_axes(R: Orientation, local: Vector) -> ca.SX:
     """Return a constant local vector in the orientation's axes."""
-    local = snap(local)
-    return ca.mtimes(R.near, constant(local)) if present(local) else zero()
+    return R.turned(local)
 
 
 def in_base(R: Orientation, local: Vector) -> ca.SX:
     """Return a constant local vector in the ground's axes."""
-    return ca.mtimes(R.axes.matrix, in_axes(R, local))
+    return in_ground(R.axes, in_axes(R, local))
+
+
+def in_ground(axes: Axes, x: ca.SX) -> ca.SX:
+    """Return components of a vector in some axes in the ground's."""
+    return x if axes.parent is None else ca.mtimes(axes.matrix, x)
 
 
 def regroup(nodes: tuple[Node, ...]) -> tuple[Node, ...]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
-from linkwork.equations.algebra import Number, Vector, present
+from linkwork.equations.algebra import Number, Vector, cross_product, present
 
 
 @dataclass(frozen=True)
@@ -32,11 +33,11 @@ class ElementaryMotion:
             return "ball"
         return "screw" if self.pitch is not None else "turn" if self.turn.any() else "slide"
 
-    @property
+    @cached_property
     def turns(self) -> bool:
         return self.ball or bool(self.turn.any())
 
-    @property
+    @cached_property
     def slides(self) -> bool:
         return present(self.slide)
 
@@ -72,11 +73,11 @@ class Row:
     length: Number | None = None
     crossing: bool = False
 
-    @property
+    @cached_property
     def moment(self) -> np.ndarray:
         """Return f x e, the direction about which a direction row allows no turn (zero for the
         other rows)."""
-        return np.zeros(3) if self.f is None else np.cross(self.f, self.e)
+        return np.zeros(3) if self.f is None else cross_product(self.f, self.e)
 
     def exchanged(self) -> Row:
         """Return the row with e in F2 and f in F1."""
@@ -125,5 +126,5 @@ def transversals(axis: np.ndarray, preferred: np.ndarray) -> tuple[np.ndarray, n
         length = np.linalg.norm(e1)
         if length > 0.1 * np.linalg.norm(candidate):
             e1 = e1 / length
-            return e1, np.cross(axis, e1)
+            return e1, cross_product(axis, e1)
     raise AssertionError("one of the three coordinate directions is always transversal")
