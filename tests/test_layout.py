@@ -32,7 +32,7 @@ STAGES = (
     "robot",
     "analysis motions scene",
     "views",
-    "sweeps viewer lab",
+    "sweeps viewer lab export",
     "cli",
 )
 """The packages, and modules beside them, from the lowest stage to the highest; those of one stage

@@ -142,6 +142,7 @@ __all__ = [
     "analysis",
     "control",
     "equations",
+    "export",
     "formats",
     "kernels",
     "lab",

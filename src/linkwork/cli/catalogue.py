@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from linkwork import formats, robots
+from linkwork import robots
 from linkwork.cli.caveats import tell
 from linkwork.cli.entries import by_name
 from linkwork.cli.source import Source
@@ -73,16 +73,6 @@ def subject(text: str | None) -> str:
     first = (text or "").strip().partition("\n\n")[0]
     line = " ".join(first.split()).removeprefix("Describe ")
     return line[:1].upper() + line[1:]
-
-
-def export(source: Source, file: Path, overwrite: bool, as_json: bool) -> None:
-    """Write a robot as a mechanism file."""
-    mechanism = find(source)
-    if file.suffix.lower() not in formats.NATIVE:
-        raise LinkworkError(f"{file}: a mechanism file ends in .yaml, not {file.suffix!r}")
-    refuse_existing(file, overwrite)
-    mechanism.save(file)
-    tell_written([file], as_json)
 
 
 def tell_written(files: Sequence[Path], as_json: bool) -> None:

@@ -51,6 +51,23 @@ class MethodOption(StrEnum):
     symplectic_euler = "symplectic_euler"
 
 
+class ExportFormat(StrEnum):
+    """What `export` writes."""
+
+    yaml = "yaml"
+    c = "c"
+
+
+class Precision(StrEnum):
+    double = "double"
+    float = "float"
+
+
+class Sines(StrEnum):
+    polynomial = "polynomial"
+    libm = "libm"
+
+
 class OnSingular(StrEnum):
     stop = "stop"
     step_over = "step_over"
@@ -116,7 +133,30 @@ def robots(json: Json = False) -> None:
 @app.command()
 def export(
     robot: RobotName,
-    file: Annotated[Path, typer.Argument(metavar="FILE.yaml", help="The mechanism file to write.")],
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="FILE.yaml", help="The mechanism file to write, with --to yaml."),
+    ] = None,
+    to: Annotated[ExportFormat, typer.Option(help="A mechanism file, or C99.")] = ExportFormat.yaml,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="C: the folder for its files.")
+    ] = None,
+    functions: Annotated[
+        str | None,
+        typer.Option(metavar="NAMES", help="C: the functions, 'motion,jacobian'; all if left out."),
+    ] = None,
+    precision: Annotated[Precision, typer.Option(help="C: of all numbers.")] = Precision.double,
+    sines: Annotated[
+        Sines, typer.Option(help="C: the kernels' polynomials, or the C library's.")
+    ] = Sines.polynomial,
+    free: Annotated[
+        str | None,
+        typer.Option(metavar="PATHS", help="C: numbers that stay free, 'platform.mass,gravity.z'."),
+    ] = None,
+    name: Annotated[
+        str | None,
+        typer.Option(help="C: what all names begin with; the robot's name if left out."),
+    ] = None,
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
@@ -125,10 +165,12 @@ def export(
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Write a robot as a mechanism file, to be changed and used as ROBOT."""
-    from linkwork.cli.catalogue import export
+    """Write a robot as a mechanism file, to be changed and used as ROBOT, or as C99 (--to c)."""
+    from linkwork.cli.exported import export
 
-    export(Source(robot, reference, floating, packages, merging, includes), file, overwrite, json)
+    source = Source(robot, reference, floating, packages, merging, includes)
+    chosen = {"precision": precision.value, "sines": sines.value, "free": free, "name": name}
+    export(source, to.value, file, out, {"functions": functions, **chosen}, overwrite, json)
 
 
 @app.command()

@@ -30,17 +30,17 @@ def _doubles(*texts: str) -> tuple[float, ...]:
 
 
 _SIGN = -(2**63)
-_ROUND = 1.5 * 2.0**52
-_TWO_OVER_PI = float.fromhex("0x1.45f306dc9c883p-1")
-_HALF_PI = _doubles("0x1.921fb54442d18p+0", "0x1.1a62633145c07p-54", "-0x1.f1976b7ed8fbcp-110")
+ROUND = 1.5 * 2.0**52
+TWO_OVER_PI = float.fromhex("0x1.45f306dc9c883p-1")
+HALF_PI = _doubles("0x1.921fb54442d18p+0", "0x1.1a62633145c07p-54", "-0x1.f1976b7ed8fbcp-110")
 # Thirty bits each but the last: the products with k are exact without a fused multiply-add.
-_HALF_PI_SHORT = _doubles(
+HALF_PI_SHORT = _doubles(
     "0x1.921fb54000000p+0",
     "0x1.10b4611800000p-30",
     "0x1.313198a000000p-61",
     "0x1.701b839a25205p-92",
 )
-_SINE = _doubles(
+SINE = _doubles(
     "-0x1.5555555555548p-3",
     "0x1.111111110f730p-7",
     "-0x1.a01a019be9210p-13",
@@ -48,7 +48,7 @@ _SINE = _doubles(
     "-0x1.ae5e4b82beca9p-26",
     "0x1.5d8b55206a4dbp-33",
 )
-_COSINE = _doubles(
+COSINE = _doubles(
     "-0x1.fffffffffff96p-2",
     "0x1.555555554f057p-5",
     "-0x1.6c16c16405528p-10",
@@ -67,17 +67,17 @@ def sine_and_cosine(lines: Lines, x: str, has_fma: bool) -> tuple[str, str]:
     multiply-add); NaN for inf and NaN; sin(-0) is 0.
     """
     product_plus = _fused if has_fma else _separate
-    shifted = product_plus(lines, x, lines.constant(_TWO_OVER_PI), lines.constant(_ROUND))
-    multiple = lines.op("fsub", shifted, lines.constant(_ROUND))
+    shifted = product_plus(lines, x, lines.constant(TWO_OVER_PI), lines.constant(ROUND))
+    multiple = lines.op("fsub", shifted, lines.constant(ROUND))
     rest = x
-    for part in _HALF_PI if has_fma else _HALF_PI_SHORT:
+    for part in HALF_PI if has_fma else HALF_PI_SHORT:
         rest = product_plus(lines, multiple, lines.constant(-part), rest)
 
     square = lines.op("fmul", rest, rest)
     cube = lines.op("fmul", square, rest)
-    sine = product_plus(lines, cube, _polynomial(lines, square, _SINE, product_plus), rest)
+    sine = product_plus(lines, cube, _polynomial(lines, square, SINE, product_plus), rest)
     cosine = product_plus(
-        lines, square, _polynomial(lines, square, _COSINE, product_plus), lines.constant(1.0)
+        lines, square, _polynomial(lines, square, COSINE, product_plus), lines.constant(1.0)
     )
 
     quadrant = lines.as_integer(shifted)

@@ -1,0 +1,165 @@
+"""A robot's equations of motion as C99: one header and one source."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from linkwork import checks
+from linkwork.errors import LinkworkError
+from linkwork.export.calls import CALLS
+from linkwork.export.header import header_text
+from linkwork.export.identifiers import given_prefix, identifiers, prefix
+from linkwork.export.layout import ArrayLayout, layouts
+from linkwork.export.source import source_text
+from linkwork.export.statements import Dialect, Precision, Sines
+from linkwork.model.checks import names
+from linkwork.patience import announced
+from linkwork.robot import Robot
+
+FUNCTIONS = tuple(CALLS)
+Parameters = Literal["fixed", "free"]
+
+
+@dataclass(frozen=True)
+class CExport:
+    """Hold the files of an export.
+
+    name: what all names in them begin with
+    files: their texts, by their names in the folder
+    functions: which functions they have
+    notes: sentences on what was left out, and names that C cannot hold
+    """
+
+    name: str
+    files: Mapping[str, str]
+    functions: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    def write(self, folder: str | Path) -> list[Path]:
+        """Write the files into a folder, which is made where there is none; return their paths.
+
+        Raises:
+            LinkworkError: a folder that cannot be written.
+        """
+        place = checks.file_path(folder, "the folder")
+        try:
+            for name, text in self.files.items():
+                (place / name).parent.mkdir(parents=True, exist_ok=True)
+                (place / name).write_text(text, encoding="utf-8", newline="\n")
+        except OSError as error:
+            raise LinkworkError(
+                f"{place} cannot be written ({error.strerror or error}); give another folder"
+            ) from None
+        return [place / name for name in self.files]
+
+    def __repr__(self) -> str:
+        return f"CExport({self.name!r}: {', '.join(self.functions)})"
+
+
+def c(
+    robot: Robot,
+    functions: Sequence[str] | None = None,
+    *,
+    precision: Precision = "double",
+    parameters: Parameters = "fixed",
+    sines: Sines = "polynomial",
+    name: str | None = None,
+) -> CExport:
+    """Write a robot's equations of motion as C99 that needs nothing but the C library's `math.h`.
+
+    Args:
+        robot: the robot; the functions are those of its own independent rates.
+        functions: names of the functions that are wanted (`linkwork.export.FUNCTIONS`); all that
+            this robot has if left out.
+        precision: of all numbers, "double" or "float".
+        parameters: "fixed": the description's numbers are folded in; "free": the free ones of the
+            robot (`Robot.free`) are a structure that functions take.
+        sines: "polynomial": those of the kernels, with which all numbers are the kernels'; "libm":
+            the C library's.
+        name: what all names begin with; made of the robot's name if left out.
+
+    Returns:
+        A `CExport`: its `files` by name, `write(folder)`, and `notes` on what was left out.
+
+    Raises:
+        LinkworkError: a function that this robot does not have, or another choice that there is
+            not.
+    """
+    if not isinstance(robot, Robot):
+        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    choose("precision", precision, ("double", "float"))
+    choose("parameters", parameters, ("fixed", "free"))
+    choose("sines", sines, ("polynomial", "libm"))
+    free = parameters == "free"
+    if free and not robot.parameters:
+        raise LinkworkError(
+            "no number of the robot is free; name those that are to be parameters by robot.free, "
+            'or take parameters="fixed"'
+        )
+    with announced(f"writing {robot.mechanism.name} in C"):
+        return written(robot, functions, free, Dialect(precision, sines), name)
+
+
+def choose(what: str, value: object, allowed: tuple[str, ...]) -> None:
+    """Refuse a choice that there is not."""
+    if value not in allowed:
+        named = " or ".join(map(repr, allowed))
+        raise LinkworkError(f"{what} is {checks.shown(value)}; give {named}")
+
+
+def written(
+    robot: Robot,
+    functions: Sequence[str] | None,
+    free: bool,
+    dialect: Dialect,
+    name: str | None,
+) -> CExport:
+    """Return the export of what was checked."""
+    # The functions that there are, and why others are not.
+    wanted = FUNCTIONS if functions is None else names(functions, "functions")
+    checks.known(wanted, FUNCTIONS, "function of an export")
+    own, arrays, notes, programs = "", layouts(robot), [], {}
+    for each in FUNCTIONS:
+        if each not in wanted:
+            continue
+        try:
+            programs[each] = CALLS[each], CALLS[each].program(robot, free)
+        except LinkworkError as error:
+            if functions is not None:
+                raise
+            notes.append(f"{each} is left out: {error}")
+    # Names that C cannot hold.
+    own = prefix(robot.mechanism.name) if name is None else given_prefix(name)
+    fields = identifiers(robot.parameters if free else ())
+    notes += [*mapped_names(arrays), *(f"{path} is {c} in C" for path, c in fields.items())]
+    values = {path: (field, robot.parameters[path]) for path, field in fields.items()}
+    # The files.
+    title = f'"{robot.mechanism.name}"'
+    calls = [call for call, _ in programs.values()]
+    header = header_text(title, arrays, calls, fields, notes, dialect.precision)
+    home = robot.home.q.tolist()
+    source = source_text(title, dialect, arrays, programs, values, home, notes)
+    files = {f"{own}.h": named(header, own), f"{own}.c": named(source, own)}
+    return CExport(own, files, tuple(programs), tuple(notes))
+
+
+def mapped_names(arrays: Mapping[str, ArrayLayout]) -> list[str]:
+    """Return sentences on names that are other ones in C but for their letters' case."""
+    found = {
+        name: place
+        for layout in arrays.values()
+        if layout.shown
+        for name, place in layout.places.items()
+        if place != name.upper() and place != name.upper().replace(".", "_")
+    }
+    return [f"{name!r} is {place} in C" for name, place in found.items()]
+
+
+def named(text: str, own: str) -> str:
+    """Return text with an export's own name in place of lw."""
+    text = text.replace("LW_FILE", own)
+    return re.sub(r"\blw_", f"{own}_", re.sub(r"\bLW_", f"{own.upper()}_", text))

@@ -1,0 +1,15 @@
+/* Products and sums are rounded once, as in the library that this was written by, where the
+   processor does so as quickly. With LW_SAME_NUMBERS they are everywhere, if slowly. */
+#if defined(LW_SAME_NUMBERS) || defined(FP_FAST_FMA) || defined(__FMA__) \
+    || defined(__ARM_FEATURE_FMA) || defined(__aarch64__)
+#define LW_ONE_ROUNDING
+#define LW_FMA(a, b, c) fma(a, b, c)
+#else
+#define LW_FMA(a, b, c) ((a) * (b) + (c))
+#endif
+
+#if !defined(__cplusplus) && defined(__STDC_VERSION__) && __STDC_VERSION__ >= 199901L
+#define LW_RESTRICT restrict
+#else
+#define LW_RESTRICT
+#endif

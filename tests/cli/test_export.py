@@ -1,0 +1,53 @@
+"""`linkwork export`: C, what it says, what it refuses."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from linkwork.cli import app
+
+
+def call(*words):
+    return CliRunner().invoke(app, ["export", *map(str, words)])
+
+
+def test_c_is_written_to_a_folder(tmp_path):
+    result = call("prr3", "--to", "c", "--out", tmp_path, "--functions", "motion, closure")
+    assert result.exit_code == 0, result.output
+    assert f"{tmp_path / 'robot_3_prr.h'} written" in result.stdout
+    assert "robot_3_prr_motion(" in (tmp_path / "robot_3_prr.c").read_text()
+    again = call("prr3", "--to", "c", "--out", tmp_path)
+    assert again.exit_code == 2 and "--overwrite to replace it" in again.stderr
+
+
+def test_numbers_that_stay_free_and_data(tmp_path):
+    words = "--free", "platform.mass", "--name", "arm", "--json"
+    result = call("prr3", "--to", "c", "--out", tmp_path, *words)
+    assert result.exit_code == 0, result.output
+    assert "arm_real platform_mass;" in (tmp_path / "arm.h").read_text()
+    assert "motion" in json.loads(result.stdout)["functions"]
+
+
+def test_what_is_left_out_is_said(tmp_path):
+    result = call("bricard", "--to", "c", "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert "jacobian is left out: the mechanism names no tool" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--to", "c"), "give it as --out DIR"),
+        (("robot.yaml", "--to", "c", "--out", "there"), "give it as --out DIR"),
+        ((), "name the mechanism file to write"),
+        (("robot.yaml", "--functions", "motion"), "--functions is of C; give it with --to c"),
+        (("--out", "there"), "--out is of C; give it with --to c"),
+        (("robot.txt",), "a mechanism file ends in .yaml"),
+    ],
+)
+def test_refusals(words, sentence):
+    result = call("prr3", *words)
+    assert result.exit_code == 2
+    assert sentence in result.stderr.replace("\n", " ")
+    assert result.stderr.count("\n") == 1
