@@ -13,10 +13,10 @@ from linkwork.equations.joints.kind import ElementaryMotion, slide, turn
 from linkwork.mechanism import Box
 from linkwork.mechanism.shapes import Outline, SimpleShape
 from linkwork.scene.colours import DRIVEN, LOOKS, WHITE, rgb
+from linkwork.scene.fixtures import fixtures_of
 from linkwork.scene.meshes import BALL, BLOCK, PIN, PlacedMesh, piece_of
 from linkwork.scene.parts import Bar, Hull, moved
 from linkwork.scene.scene import scene_of
-from linkwork.viewer.fixtures import fixtures_of
 from linkwork.viewer.session import Session
 from linkwork.views import plot_mechanism
 from linkwork.views.film import film

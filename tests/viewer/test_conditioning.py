@@ -7,8 +7,8 @@ import pytest
 from linkwork import Robot, robots
 from linkwork.analysis import along, jacobians, workspace
 from linkwork.model.dexterity import conditioning
+from linkwork.scene.fixtures import fixtures_of
 from linkwork.viewer.conditioning import colour
-from linkwork.viewer.fixtures import fixtures_of
 from linkwork.viewer.pursuit import Pursuit
 
 

@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from linkwork import Robot, robots
 from linkwork.mechanism import Body, Frame, Inertia, Limits, Mechanism, SphericalJoint, Tool
+from linkwork.scene.fixtures import fixtures_of
 from linkwork.viewer.bounds import bounds_of
-from linkwork.viewer.fixtures import fixtures_of
 from linkwork.viewer.pursuit import Pursuit, listed
 from linkwork.viewer.session import Session
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from linkwork import LinkworkError, Robot, Run, robots
-from linkwork.viewer.fixtures import fixtures_of
+from linkwork.scene.fixtures import fixtures_of
 from linkwork.viewer.pursuit import Pursuit
 from linkwork.viewer.replay import replay_of
 from linkwork.viewer.traces import quantities, traces

@@ -11,9 +11,9 @@ import pytest
 
 import linkwork as lw
 from linkwork.errors import ModelWarning
+from linkwork.scene.fixtures import fixtures_of
 from linkwork.scene.meshes import FINEST, piece_of
 from linkwork.solids.triangles import Triangles, simplified
-from linkwork.viewer.fixtures import fixtures_of
 from linkwork.views import plot_mechanism
 from linkwork.views.canvas import PAINTED
 from linkwork.views.film import TRIANGLES, film

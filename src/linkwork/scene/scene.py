@@ -150,3 +150,12 @@ def others(mechanism: Mechanism, pose: Skeleton, size: float, planar: bool) -> I
         for axis, colour in list(zip(axes.T, TRIAD, strict=True))[: 2 if planar else 3]:
             line = Bar(np.stack([origin, origin + ARROW * size * axis]), AXIS * size)
             yield ScenePart(name, "tool", (mechanism.tools[name].body,), line, colour)
+
+
+def upwards(robot: Robot) -> np.ndarray:
+    """Return the unit vector that is up: against gravity, in the plane of a planar mechanism;
+    without gravity y in the plane and z in space."""
+    up = -np.array(robot.mechanism.gravity) * ((1, 1, 0) if robot.planar else (1, 1, 1))
+    if np.linalg.norm(up) > 0:
+        return up / np.linalg.norm(up)
+    return np.eye(3)[1 if robot.planar else 2]

@@ -12,19 +12,11 @@ import numpy as np
 import viser
 
 from linkwork.robot import Robot
+from linkwork.scene.scene import upwards
 
 CAMERAS = ("iso", "xy", "xz", "yz")
 FIELD_OF_VIEW = np.radians(40)
 AXES = dict(zip("xyz", np.eye(3), strict=True))
-
-
-def upwards(robot: Robot) -> np.ndarray:
-    """Return the unit vector that is up: against gravity, in the plane of a planar mechanism;
-    without gravity y in the plane and z in space."""
-    up = -np.array(robot.mechanism.gravity) * ((1, 1, 0) if robot.planar else (1, 1, 1))
-    if np.linalg.norm(up) > 0:
-        return up / np.linalg.norm(up)
-    return AXES["y" if robot.planar else "z"]
 
 
 def sideways(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

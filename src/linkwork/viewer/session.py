@@ -18,15 +18,15 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism import GROUND
 from linkwork.model.dexterity import conditioning
 from linkwork.robot import Robot, State
+from linkwork.scene.fixtures import Fixtures, fixtures_of
+from linkwork.scene.layout import PartLayout, Placement
+from linkwork.scene.rails import Rail, along, grown, rails_of
 from linkwork.simulation import Run
 from linkwork.viewer.arrows import NOTHING, ArrowField, ArrowLines, Arrows, drawn
-from linkwork.viewer.fixtures import Fixtures, fixtures_of
 from linkwork.viewer.hand_goals import HandGoal, ToolGoal, rotation_matrix
-from linkwork.viewer.layout import PartLayout, Placement
 from linkwork.viewer.marks import BodyMarks, Marks, marks_of
 from linkwork.viewer.player import Player
 from linkwork.viewer.pursuit import Pursuit
-from linkwork.viewer.rails import Rail, along, grown, rails_of
 from linkwork.viewer.replay import Replay, replay_of
 from linkwork.viewer.trail import HandTrail, RunTrail, segments, tool_points
 

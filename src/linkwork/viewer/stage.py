@@ -12,13 +12,13 @@ import viser
 
 from linkwork.mechanism import GROUND
 from linkwork.scene.colours import GREEN, ORANGE, rgb
+from linkwork.scene.fixtures import OPACITY, Fixture
+from linkwork.scene.layout import Placement, of_mesh, quaternions, turned_by
+from linkwork.scene.rails import Rail
 from linkwork.viewer.arrows import ArrowLines
 from linkwork.viewer.cameras import FIELD_OF_VIEW, camera, distance, follow, look, outlook
 from linkwork.viewer.conditioning import colour
-from linkwork.viewer.fixtures import Fixture
-from linkwork.viewer.layout import Placement, of_mesh, quaternions, turned_by
 from linkwork.viewer.marks import FRAMES, Marks, written
-from linkwork.viewer.rails import Rail
 from linkwork.viewer.session import Session
 
 ARROWS = {
@@ -27,7 +27,6 @@ ARROWS = {
     "velocities": rgb(GREEN),
 }
 BODILY = ("member", "plate", "shell")  # roles of what takes the colour of the conditioning
-OPACITY = {"shell": 0.55, "base": 0.5}  # of what would hide joints and ground
 SHAFT, HEAD, HEAD_LENGTH = (
     0.006,
     0.016,

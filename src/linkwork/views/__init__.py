@@ -2,6 +2,7 @@
 
 from linkwork.moved import leading_to
 from linkwork.views.drawing import plot_mechanism
+from linkwork.views.gltf import write_gltf
 from linkwork.views.maps import plot_workspace
 from linkwork.views.motion import plot_motion
 from linkwork.views.phase import plot_phase
@@ -19,6 +20,7 @@ __all__ = [
     "plot_timed_path",
     "plot_workspace",
     "save_figure",
+    "write_gltf",
     "write_report",
     "write_video",
 ]

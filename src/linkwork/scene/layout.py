@@ -14,7 +14,7 @@ import numpy as np
 
 from linkwork.mechanism import GROUND
 from linkwork.robot import Robot, State
-from linkwork.viewer.fixtures import Fixture, Fixtures
+from linkwork.scene.fixtures import Fixture, Fixtures
 
 SHORTEST = 1e-9  # length of a span that still has a direction [m]
 

@@ -1,5 +1,5 @@
-"""The scene as solids that a browser shows, each fixed in a carrier: a body, the ground, or a span
-between two points.
+"""The scene as solids that browsers and files show, each fixed in a carrier: a body, the ground, or
+a span between two points.
 
 As they keep their shape, a pose moves only the carriers (`layout`).
 """
@@ -27,6 +27,7 @@ COILS, WIRE = (
     8,
     0.004,
 )  # of springs: their number, and the radius of the wire relative to the mechanism
+OPACITY = {"shell": 0.55, "base": 0.5}  # by role, of what would hide joints and ground
 SHARP = 1e-6  # one less the cosine of the angle between two faces with an edge between them
 
 

@@ -20,9 +20,9 @@ from linkwork.mechanism import (
     Sphere,
 )
 from linkwork.scene.colours import LOOKS, rgb
+from linkwork.scene.fixtures import Fixture, Stretch, fixtures_of
+from linkwork.scene.layout import PartLayout, of_mesh, product, quaternions, turned_by
 from linkwork.scene.meshes import piece_of
-from linkwork.viewer.fixtures import Fixture, Stretch, fixtures_of
-from linkwork.viewer.layout import PartLayout, of_mesh, product, quaternions, turned_by
 from linkwork.viewer.pursuit import Pursuit
 from linkwork.viewer.stage import heights
 
