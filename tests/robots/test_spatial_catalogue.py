@@ -14,6 +14,8 @@ from linkwork.robots import (
     hexaglide,
     linear_delta,
     orthoglide,
+    par4,
+    rrs3,
     stewart,
     tripteron,
 )
@@ -34,6 +36,9 @@ BUILD = {
     "hexaglide, idle rods": lambda: hexaglide(idle_spins=True),
     "agile wrist": agile_wrist,
     "tripteron": tripteron,
+    "3-rrs": rrs3,
+    "par4": par4,
+    "par4, heavy rods": lambda: par4(rod_mass=0.1),
     "bennett": bennett,
 }
 # mobility, Gruebler's formula, redundant rows. The Agile Wrist's frames all lie in its centre, so
@@ -52,6 +57,9 @@ COUNTS = {
     "hexaglide, idle rods": (12, 12, 0),
     "agile wrist": (3, -3, 0),
     "tripteron": (3, 0, 3),
+    "3-rrs": (3, 3, 0),
+    "par4": (4, 0, 4),
+    "par4, heavy rods": (4, 0, 4),
     "bennett": (1, -2, 3),
 }
 # Described by the same functions as others here, whose dynamics are compared.
@@ -60,6 +68,7 @@ SAME_KIND = (
     "linear delta, heavy rods",
     "orthoglide, heavy rods",
     "hexaglide, idle rods",
+    "par4, heavy rods",
 )
 every = pytest.mark.parametrize("name", BUILD)
 
@@ -142,6 +151,12 @@ def test_accelerations_of_random_motions(name):
         (lambda: hexaglide(rails=(0.5, 0.1)), "rails: give six values, not 2"),
         (lambda: agile_wrist(distal_radius=-0.1), "distal_radius: is -0.1"),
         (lambda: tripteron(proximal=0.0), "proximal: is 0.0"),
+        (lambda: rrs3(proximal=-0.1), "proximal: is -0.1; give a size above zero"),
+        (lambda: rrs3(height=0.4), r"legs of 0.15 m and 0.2 m do not reach a platform 0.4 m above"),
+        (lambda: rrs3(motor_inertia=-1.0), "motor_inertia: is -1.0; give zero or more"),
+        (lambda: par4(bar=0.0), "bar: is 0.0; give a size above zero"),
+        (lambda: par4(rod=0.2), r"arms of 0.35 m and rods of 0.2 m do not reach"),
+        (lambda: par4(half_mass=-1.0), "half_mass: is -1.0; give zero or more"),
         (lambda: bennett(length_2=0.7), "length_2 must not exceed 0.6 m"),
         (lambda: bennett(length_2=0.3), "only fold"),
         (lambda: bennett(twist_1=4.0), "twist_1: is 4.0; give an angle between 0 and pi"),

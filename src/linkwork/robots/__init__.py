@@ -12,11 +12,13 @@ from linkwork.robots._four_bar import four_bar, n_four_bar
 from linkwork.robots._hexaglide import hexaglide
 from linkwork.robots._linear_delta import linear_delta
 from linkwork.robots._orthoglide import orthoglide
+from linkwork.robots._par4 import par4
 from linkwork.robots._pendulum import double_pendulum, pendulum
 from linkwork.robots._prr3 import prr3
 from linkwork.robots._puma560 import puma560
 from linkwork.robots._rpr3 import rpr3
 from linkwork.robots._rrr3 import rrr3
+from linkwork.robots._rrs3 import rrs3
 from linkwork.robots._slider_crank import slider_crank
 from linkwork.robots._spatial_slider_crank import spatial_slider_crank
 from linkwork.robots._stewart import stewart
@@ -36,11 +38,13 @@ __all__ = [
     "linear_delta",
     "n_four_bar",
     "orthoglide",
+    "par4",
     "pendulum",
     "prr3",
     "puma560",
     "rpr3",
     "rrr3",
+    "rrs3",
     "slider_crank",
     "spatial_slider_crank",
     "stewart",

@@ -13,16 +13,14 @@ the six rods holds the platform, in position and in orientation.
 
 from __future__ import annotations
 
-from math import acos, atan2, hypot
-
 import numpy as np
 
-from linkwork.mechanism import Frame, FreeJoint, Mechanism, MechanismError, RevoluteJoint, Tool
+from linkwork.mechanism import Frame, FreeJoint, Mechanism, Tool
+from linkwork.robots.arms import Arms, arm_angle
 from linkwork.robots.points import TRIANGLE, compass
-from linkwork.robots.poses import QuaternionPose, free_coordinates, product, turn
+from linkwork.robots.poses import QuaternionPose, free_coordinates
 from linkwork.robots.rods import End, Parts, Rods
-from linkwork.robots.uniform import ALONG_X, ALONG_Y, disc, require_masses, require_sizes, vector
-from linkwork.robots.uniform import rod as round_rod
+from linkwork.robots.uniform import ALONG_Y, disc, require_masses, require_sizes
 
 
 def delta(
@@ -93,30 +91,14 @@ def delta(
     )
     centre = QuaternionPose.of(Frame(position=(0.0, 0.0, -height)))
     angle = arm_angle(platform_radius - base_radius, -height, arm, rod)
+    arms = Arms(base_radius, arm, arm_radius, arm_mass, motor_inertia)
     rods = Rods(rod, rod_mass, rod_radius, idle_spins)
     # A leg: a motor, its arm, and two rods side by side from the elbow to the platform.
     motors, legs = Parts(), Parts()
     for i, f in enumerate(TRIANGLE, start=1):
         e, t = compass(f)
-        motor, body = f"motor_{i}", f"arm_{i}"
-        shaft = Frame(position=vector(base_radius * e), rotation=(0.0, 0.0, f))
-        drive = RevoluteJoint(
-            connects=("ground", body),
-            frames=(shaft, Frame()),
-            axis=ALONG_Y,
-            rotor_inertia=motor_inertia,
-        )
-        motors |= Parts(
-            {body: round_rod(arm_mass, arm, arm_radius, 0.0, ALONG_X)},
-            {motor: drive},
-            {motor: angle},
-        )
-        at = QuaternionPose.of(shaft)
-        elbow = End(
-            body,
-            arm * np.array(ALONG_X),
-            QuaternionPose(at.position, product(at.quaternion, turn(ALONG_Y, angle))),
-        )
+        drive, elbow = arms.at(str(i), f, angle)
+        motors |= drive
         vertex = End("platform", platform_radius * e, centre)
         legs |= rods.pair(str(i), elbow, vertex, (spread / 2 * np.array(ALONG_Y), spread / 2 * t))
     return Mechanism(
@@ -130,19 +112,3 @@ def delta(
         tools={"centre": Tool(body="platform")},
         reference=motors.reference | legs.reference | free_coordinates("pose", centre),
     )
-
-
-def arm_angle(x: float, z: float, arm: float, rod: float) -> float:
-    """Return the angle q [rad] of an arm whose rods end x outside and z above the motor's axis [m].
-
-    |(x - arm cos q, z + arm sin q)| = rod, so x cos q - z sin q = (x^2 + z^2 + arm^2 - rod^2) /
-    (2 arm): of the two solutions the one with the elbow outside.
-    """
-    reach = hypot(x, z)
-    projection = (x * x + z * z + arm**2 - rod**2) / (2 * arm)
-    if not abs(projection) < reach:
-        raise MechanismError(
-            f"arms of {arm} m and rods of {rod} m do not reach a platform {abs(z)} m below the "
-            f"base; arm + rod must exceed {reach:.6g} m and |arm - rod| must be less"
-        )
-    return atan2(-z, x) - acos(projection / reach)
