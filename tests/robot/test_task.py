@@ -11,6 +11,8 @@ import linkwork as lw
 from linkwork import DistanceTo, Frame, Mechanism, Robot, Tool, TurnAbout
 from linkwork.equations.task import task_map
 from linkwork.mechanism.task import NAMES
+from linkwork.model import dexterity
+from linkwork.model.task import values
 from linkwork.paths import Path
 
 from tests.robot.mixed_freedoms import pose_of_three_legs, scara, three_legs
@@ -272,3 +274,10 @@ def test_what_makes_no_task_is_refused(arm, legs):
         tool=[0.5, 0],
     )
     refused("names no tool", Robot(lw.robots.bricard()).jacobian, None)
+
+
+def test_no_configurations_have_no_conditioning_and_no_task_values(legs):
+    """Chunks of runs and stretches between two charts may hold no saved state."""
+    none = np.empty((0, legs.equations.nq))
+    assert dexterity.conditioning(legs, none).shape == (0,)
+    assert values(legs, none, legs.task).shape == (0, 3)

@@ -223,8 +223,8 @@ class ToolAsked:
     def mapped(self, out: Outputs, twist: np.ndarray | None = None) -> list[np.ndarray]:
         """Return x (K, k), E (K, k, 6) and E' [omega; v] (K, k); twist: (K, 6), at rest if left
         out."""
-        parts = out["position"], out["orientation"], np.reshape(out["angle"], (-1, 1))
-        pose = np.concatenate([np.reshape(part, (len(parts[2]), -1)) for part in parts], axis=1)
+        sizes = {"position": 3, "orientation": 9, "angle": 1}
+        pose = np.concatenate([np.reshape(out[n], (-1, size)) for n, size in sizes.items()], axis=1)
         count, k = len(pose), len(self.held)
         x, E, bias = task_kernel(self.held)(pose, np.zeros((count, 6)) if twist is None else twist)
         return [x, E.reshape(count, 6, k).swapaxes(1, 2), bias]
