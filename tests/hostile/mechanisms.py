@@ -25,7 +25,8 @@ from tests.oracle.random_mechanisms import open_tree, planar_loops, spatial_loop
 
 BOX = Inertia(xx=0.1, yy=0.12, zz=0.15)
 EXACT, NOISY, ROUNDED = 1e-9, 1e-7, 2e-4
-QUICK = {"andrews": 0.01, "flyball_governor": 0.03, "rrs3": 0.1}  # robots that do much in little time [s]
+# Robots that do much in little time [s]
+QUICK = {"andrews": 0.01, "flyball_governor": 0.03, "rrs3": 0.1}
 
 
 @dataclass(frozen=True)
