@@ -354,7 +354,7 @@ LEFT_OUT = {
     ): "<spatial 't'> is left out: it neither holds nor pulls",
     (
         "<tendon><fixed name='t' range='0 1'><joint joint='j' coef='1'/></fixed></tendon>"
-    ): "<fixed 't'> has a range, which is left out",
+    ): "<fixed 't'> has a range, whose ends are stops here",
     (
         "<actuator><motor name='m' site='s' refsite='s'/></actuator>"
     ): "<motor 'm'> is left out: what acts on a refsite is no actuator here",

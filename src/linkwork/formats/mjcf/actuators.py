@@ -211,7 +211,12 @@ class ActuatorReader:
         line = self.tendons[tendon]
         name = self.found.lines[tendon]
         if name in self.found.names:
-            alone = {"spring": SlackSpring(), "friction": Friction(), "inertia": 0.0}
+            alone = {
+                "spring": SlackSpring(),
+                "friction": Friction(),
+                "inertia": 0.0,
+                "stop": None,
+            }
             return self._line(element, line.model_copy(update=alone))
         self.found.transmissions[name] = line
         return name

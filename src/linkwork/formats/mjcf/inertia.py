@@ -21,30 +21,42 @@ def inertia(tree: ModelTree) -> tuple[np.ndarray, list[range]]:
 
     M = sum_i J_i' diag(I_i, m_i 1) J_i + armatures,    J_i: rates -> [omega; v of the mass centre]
     """
-    at, columns = tree.poses(), {name: [] for name in tree.nodes}
     rotors: list[float] = []
     places: list[range] = []
+    for _, piece in tree.pieces():
+        count = {"slide": 1, "hinge": 1, "ball": 3, "free": 6}[piece.kind]
+        places.append(range(len(rotors), len(rotors) + count))
+        rotors += [piece.rotor] * count
+    at, M = tree.poses(), np.diag(np.array(rotors, float))
+    for name, J in jacobians(tree).items():
+        solid = tree.nodes[name].solid.seen(at[name])
+        M = M + J[:3].T @ solid.inertia @ J[:3] + solid.mass * J[3:].T @ J[3:]
+    return M, places
+
+
+def jacobians(tree: ModelTree, origins: bool = False) -> dict[str, np.ndarray]:
+    """Return J_i (6, nv): rates -> [omega; v of the mass centre] of all bodies at qpos0; origins: v
+    of the frame's origin instead."""
     # What each rate moves: everything on its body, about an axis through a point or along one.
+    at, columns, count = tree.poses(), {name: [] for name in tree.nodes}, 0
     for node, piece in tree.pieces():
         R = at[node.name][:3, :3]
         point = poses.point(at[node.name], piece.anchor)
         slides = {"slide": [R @ piece.axis], "free": list(np.eye(3))}.get(piece.kind, [])
         turns = {"slide": [], "hinge": [R @ piece.axis]}.get(piece.kind, list(R.T))
-        places.append(range(len(rotors), len(rotors) + len(slides) + len(turns)))
         for axis, turning in [*((s, False) for s in slides), *((t, True) for t in turns)]:
-            columns[node.name].append((len(rotors), axis, turning, point))
-            rotors.append(piece.rotor)
+            columns[node.name].append((count, axis, turning, point))
+            count += 1
     # Each body by the rates of all that it hangs on.
-    M = np.diag(np.array(rotors, float))
+    found = {}
     for name, node in tree.nodes.items():
-        solid = node.solid.seen(at[name])
-        J = np.zeros((6, len(rotors)))
+        centre = at[name][:3, 3] if origins else poses.point(at[name], node.solid.centre)
+        found[name] = J = np.zeros((6, count))
         for other in tree.chain(name):
             for place, axis, turning, point in columns[other.name]:
-                moved = np.cross(axis, solid.centre - point) if turning else axis
+                moved = np.cross(axis, centre - point) if turning else axis
                 J[:, place] = [*(axis if turning else np.zeros(3)), *moved]
-        M = M + J[:3].T @ solid.inertia @ J[:3] + solid.mass * J[3:].T @ J[3:]
-    return M, places
+    return found
 
 
 def with_spring_dampers(document: Document, tree: ModelTree, notes: Notes) -> ModelTree:

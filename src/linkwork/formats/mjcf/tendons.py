@@ -21,6 +21,7 @@ from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.geoms import kind_of, measured
 from linkwork.formats.mjcf.joints import Joints
 from linkwork.formats.mjcf.loops import POLYNOMIAL, LoopReader
+from linkwork.formats.mjcf.tendon_limits import is_limited, stop_of
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
@@ -43,7 +44,6 @@ from linkwork.mechanism import (
 
 Loaded = TypeVar("Loaded", Combination, Cable)
 Held = tuple[Element, float]  # the equality, and by how much it differs from the length at qpos0
-LIMITED = "has a range, which is left out: the lengths of tendons are not watched"
 
 
 @dataclass
@@ -148,17 +148,17 @@ class TendonReader:
         straight = [part.tag for part in parts] == ["site", "site"]
         self.found.used |= {part.text("site") for part in parts if part.tag == "site"}
         driven = element.attributes.get("name", "") in self.driven
+        low, *high = element.numbers("springlength", (1, 2), (-1.0,))
         more = any(element.number(key, 0.0) for key in ("frictionloss", "armature"))
-        if straight and not driven and not more:
+        slack = is_limited(element, self.document) or (bool(high) and high[0] != low)
+        if straight and not driven and not more and (holds or not slack):
             self._straight(element, holds)
             return
         if holds:
             remark = "is left out: only a straight tendon of two sites is held as a rod"
             self.notes.on(element, remark, alters=True)
             return
-        if is_limited(element, self.document):
-            self.notes.on(element, LIMITED)
-        if not driven and not _acts(element):
+        if not driven and not _acts(element) and not is_limited(element, self.document):
             self.notes.on(element, "is left out: it neither holds nor pulls")
             return
         path = self._path(element)
@@ -271,8 +271,6 @@ class TendonReader:
                 GearJoint, ratios=ratios, offset=holds[1] + self._at(ratios, springs=False)
             )
         # What acts along it.
-        if is_limited(element, self.document):
-            self.notes.on(element, LIMITED)
         if not any(ratios.values()):
             self.notes.on(element, "is left out: it moves with no joint")
             return
@@ -291,11 +289,13 @@ class TendonReader:
                 f"reached at rates well above {Friction().coulomb_rate:g} rad/s or m/s",
                 alters=True,
             )
+        limited, tree = is_limited(element, self.document), self.loops.tree
+        line = line.model_copy(update={"inertia": element.number("armature", 0.0)})
         return line.model_copy(
             update={
+                "stop": stop_of(element, line, tree, self.joints, self.notes) if limited else None,
                 "spring": self._spring(element, at_rest),
                 "friction": element.make(Friction, coulomb=friction),
-                "inertia": element.number("armature", 0.0),
             }
         )
 
@@ -324,14 +324,6 @@ class TendonReader:
             for label, ratio in ratios.items()
         )
         return sum(own)
-
-
-def is_limited(element: Element, document: Document) -> bool:
-    """Tell whether a tendon has limits."""
-    limited = element.attributes.get("limited", "auto")
-    return "range" in element.attributes and (
-        limited == "true" or (limited == "auto" and document.compiler_of(element).autolimits)
-    )
 
 
 def linear(notes: Notes, element: Element, name: str) -> float:

@@ -566,7 +566,9 @@ class _Writer:
             say("the fluid is left out: MuJoCo has one that acts on all bodies")
         if self.mechanism.contacts:
             say("contacts are left out: MuJoCo's follow another law, by solref and solimp")
-        if any(own.stop for own in effects):
+        lines = self.mechanism.transmissions.values()
+        stopped = [*effects, *(line for line in lines if isinstance(line, LoadedLength))]
+        if any(own.stop for own in stopped):
             say("stops are left out: MuJoCo's limits follow another law, by solreflimit")
         # What is closed, measured or joined otherwise.
         if "weld" in kinds:
