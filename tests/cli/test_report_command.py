@@ -58,3 +58,15 @@ def test_what_is_refused(words, sentence, saved, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert sentence in refused("report", *words)
     assert not list(tmp_path.glob("*.html"))
+
+
+def test_the_film_of_a_report_shows_another_run(saved, tmp_path):
+    out = tmp_path / "both.html"
+    assert call("report", saved, "--over", saved, "--out", out).exit_code == 0
+    assert "another run, laid over" in out.read_text(encoding="utf-8")
+    told = refused("report", saved, "--over", tmp_path / "x.yaml", "--out", out, "--overwrite")
+    assert "is no saved run" in told
+
+
+def test_only_runs_are_viewed_over_each_other():
+    assert "--over lays a run over another one" in refused("view", "prr3", "--over", "run.nc")

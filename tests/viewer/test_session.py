@@ -144,3 +144,23 @@ def test_a_planar_tool_is_turned_where_it_is(session, robot):
     assert after.angle == pytest.approx(robot.tool_pose(session.state)[2])
     with pytest.raises(LinkworkError, match="the tool's angle is"):
         session.turn(float("nan"))
+
+
+def test_another_run_is_shown_at_the_same_times(session, robot):
+    first = robot.simulate(robot.home, {"slide_1": 2.0}, duration=0.3)
+    second = robot.simulate(robot.home, {"slide_2": 2.0}, duration=0.5)
+    session.load(first)
+    assert session.view().over is None
+    session.lay_over(second)
+    session.seek(0.2)
+    at = robot.simulate(robot.home, {"slide_2": 2.0}, duration=0.2).final
+    expected = session.layout.place(at)
+    assert session.view().over.positions == pytest.approx(expected.positions, abs=2e-3)
+    assert not np.allclose(session.view().placement.positions, expected.positions, atol=2e-3)
+    session.seek(9.0)
+    assert session.view().time == 0.5
+    assert session.state.positions == pytest.approx(first.final.positions, abs=1e-9)
+    session.lay_over(None)
+    assert session.view().over is None and session.view().time == pytest.approx(0.3)
+    with pytest.raises(LinkworkError, match="not one of the robot"):
+        session.lay_over(Robot(robots.five_bar()).simulate(Robot("five_bar").home, duration=0.1))

@@ -147,3 +147,23 @@ def test_shapes_of_bodies_are_filmed_where_the_bodies_are():
     corners = found.drawn(solids[0])
     np.testing.assert_allclose(np.linalg.norm(corners - middles[:, None], axis=2), 0.1, atol=1e-4)
     assert found.frame[1] < 1.4  # nothing but what is drawn takes room
+
+
+def test_another_motion_is_laid_over_faintly_at_the_same_times(robot, run):
+    time, states = run.coords["time"].values, run_states(robot, run)
+    other = robot.simulate(robot.home, [0, 0.5, 0], duration=0.1, save_at=np.linspace(0, 0.1, 401))
+    over = other.coords["time"].values, run_states(robot, other)
+    found, alone = film(robot, time, states, over=over), film(robot, time, states)
+    faint = [stroke for stroke in found.parts if stroke.faint]
+    assert len(found.parts) == 2 * len(alone.parts) and len(faint) == len(alone.parts)
+    assert found.parts[: len(faint)] == tuple(faint)
+    assert json.loads(found.data)["parts"][0][6] == 1
+
+    def place_of_the_tool(stroke, frame):
+        return found.points[frame, stroke.points[0], :2]
+
+    tool = next(stroke for stroke in faint if stroke.kind == "line")
+    for frame, t in enumerate(found.time):
+        k = np.abs(over[0] - min(t, 0.1)).argmin()
+        expected = other.variables["tool_pose"].values[k, :2]
+        assert place_of_the_tool(tool, frame) == pytest.approx(expected, abs=1e-3)

@@ -114,3 +114,24 @@ def test_mp4_without_ffmpeg_is_refused(slider, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(LinkworkError, match=r"ffmpeg, which writes \.mp4, is not installed; pip"):
         write_video(*slider, tmp_path / "x.mp4")
+
+
+def test_another_run_is_laid_over_faintly(slider, tmp_path):
+    """Only the run's own joint is orange; the one that stands at the start is pale."""
+    robot, run = slider
+    still = robot.simulate(robot.home, duration=1.0)
+    for over, name in ((None, "alone.gif"), (still, "both.gif")):
+        write_video(robot, run, tmp_path / name, fps=5, over=over)
+    with Image.open(tmp_path / "both.gif") as both, Image.open(tmp_path / "alone.gif") as alone:
+        assert_pushed(ImageSequence.Iterator(both))
+        both.seek(10)
+        alone.seek(10)
+        places = [np.argwhere(pale(frame)) for frame in (both, alone)]
+        assert len(places[0]) > 50 > len(places[1])
+        assert places[0][:, 1].mean() < spots(both)[1] - 100
+
+
+def pale(frame) -> np.ndarray:
+    """Tell which pixels are of an orange mixed with white."""
+    pixels = np.asarray(frame.convert("RGB"), dtype=float)
+    return np.abs(pixels - (255 - 0.3 * (255 - ORANGE))).sum(axis=2) < 12

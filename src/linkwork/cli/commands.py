@@ -20,6 +20,7 @@ from linkwork.cli.options import (
     IncludeRoot,
     Json,
     Merging,
+    Over,
     PackagePath,
     Reference,
     RobotName,
@@ -470,6 +471,7 @@ def report(
     packages: PackagePath = None,
     merging: Merging = True,
     includes: IncludeRoot = None,
+    over: Over = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -480,6 +482,7 @@ def report(
     report(
         run,
         out,
+        over,
         Source(of or "", reference, floating, packages, merging, includes),
         overwrite,
         json,
@@ -531,6 +534,7 @@ def view(
     of: Annotated[
         str | None, typer.Option("--robot", metavar="ROBOT", help="Whose a run is.")
     ] = None,
+    over: Over = None,
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
@@ -552,6 +556,7 @@ def view(
     view(
         Source(robot, reference, floating, packages, merging, includes),
         of,
+        over,
         host,
         port,
         browser,

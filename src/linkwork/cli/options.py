@@ -51,6 +51,14 @@ def files_like(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
 RobotName = Annotated[
     str, typer.Argument(metavar="ROBOT", help=ROBOT_HELP, autocompletion=robots_like)
 ]
+Over = Annotated[
+    str | None,
+    typer.Option(
+        metavar="RUN",
+        help="Another saved run of the robot, shown faintly at the same times.",
+        autocompletion=runs_like,
+    ),
+]
 Json = Annotated[
     bool, typer.Option("--json", help="Print plain data, as JSON: SI units, nothing rounded.")
 ]

@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 from linkwork.cli.catalogue import built
-from linkwork.cli.runs import SUFFIX, robot_of
+from linkwork.cli.runs import SUFFIX, read, robot_of
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, patience, show_json
 from linkwork.errors import LinkworkError
@@ -20,7 +20,13 @@ LOCAL = ("127.0.0.1", "::1", "localhost")
 
 
 def view(
-    source: Source, of: str | None, host: str, port: int | None, browser: bool, as_json: bool
+    source: Source,
+    of: str | None,
+    over: str | None,
+    host: str,
+    port: int | None,
+    browser: bool,
+    as_json: bool,
 ) -> None:
     """Serve a robot, or a run of one, until interrupted."""
     name = source.name
@@ -29,13 +35,18 @@ def view(
         raise LinkworkError(
             f"--robot says whose a run is; {name!r} is no run (a file that ends in {SUFFIX})"
         )
+    if run is None and over is not None:
+        raise LinkworkError(
+            f"--over lays a run over another one; {name!r} is no run (a file that ends in {SUFFIX})"
+        )
+    other = None if over is None else read(over)
     with patience("preparing the robot"):
         from linkwork.viewer import Viewer
 
         robot = (
             built(source) if run is None else robot_of(run, name, replace(source, name=of or ""))
         )
-        viewer = Viewer(robot, run, host=host, port=port)
+        viewer = Viewer(robot, run, over=other, host=host, port=port)
     with viewer:
         if as_json:
             show_json({"robot": robot.mechanism.name, "url": viewer.url})

@@ -27,6 +27,7 @@ from linkwork.views.style import COLOURS
 STEPS = 1000  # of a slider
 UNTOUCHED = 0.5  # how long after a touch a control is left to the hand that holds it [s]
 NONE = "none"
+LAY_OVER, TAKE_AWAY = "Lay this run over the next", "Take away what is laid over"
 ANGLE, HALF_TURN = "the tool's angle", 3.142  # the slider's ends [rad]
 
 
@@ -135,8 +136,18 @@ class Panels:
         self.speed.on_update(self._by_hand(lambda: self._post(self._set_speed)))
         self.loop = self.gui.add_checkbox("Loop", False)
         self.loop.on_update(self._by_hand(lambda: self._post(self._set_loop)))
+        self.over = self.gui.add_button(
+            LAY_OVER, hint="Show this run faintly beside the next one, at the same times"
+        )
+        self.over.on_click(lambda _: self._post(self._lay_over))
         self.quantity = self._add_dropdown("Curves", (NONE,), "What is drawn over time")
         self.quantity.on_update(self._by_hand(lambda: self._post(self.show_curves)))
+
+    def _lay_over(self) -> None:
+        """Lay the present run over those that come, or take the one away that is."""
+        session = self.session
+        session.lay_over(session.replay.run if session.over is None and session.replay else None)
+        self.show_run(session.replay.run if session.replay else None)
 
     def _scrubbed(self) -> None:
         self.touched["time"] = monotonic()
@@ -153,10 +164,11 @@ class Panels:
         """Offer a run's controls and curves; none where there is no run or it has no samples."""
         playable = self.session.playable
         self.no_run.visible = not playable
-        for control in (self.play, self.clock, self.speed, self.loop, self.quantity):
+        for control in (self.play, self.clock, self.speed, self.loop, self.quantity, self.over):
             control.visible = playable
         if run is None or not playable:
             return
+        self.over.label = LAY_OVER if self.session.over is None else TAKE_AWAY
         player = self.session.player
         span = max(player.end - player.start, 1e-9)
         self.clock.min, self.clock.max, self.clock.step = (

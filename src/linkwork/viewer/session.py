@@ -38,7 +38,8 @@ SAMPLED = 25  # states of a run at which the largest reactions and velocities ar
 class View:
     """Hold what is to be seen of a robot at one instant.
 
-    placement: where all parts are, rails excepted, which grow; tool: position (3) [m] and
+    placement: where all parts are, rails excepted, which grow; over: those of the run that is laid
+        over, or None; tool: position (3) [m] and
         orientation (3, 3) of the tool, or None; angle: of a planar tool, as it is led [rad]
     arrows, marks: by kind, those that are shown; trail: lines (s, 2, 3) where the tools were [m],
         none where it is not shown; focus: the tool, or what the camera follows (3) [m]
@@ -50,6 +51,7 @@ class View:
     """
 
     placement: Placement
+    over: Placement | None
     rails: tuple[Rail, ...]
     tool: tuple[np.ndarray, np.ndarray] | None
     angle: float | None
@@ -70,7 +72,7 @@ class Session:
     """Hold the present state of what is shown; all its methods belong to one thread.
 
     state: what is shown; goal: what is wanted of it, if anything; replay, path, player: the run,
-        where it leads the tools, and where it stands
+        where it leads the tools, and where it stands; over: another one, shown at the same times
     following: whether the state is that of the run; shown: kinds of arrows, names and frames;
         trailing: whether the tools' trail is
     led: where a hand has led the tools; notice: one sentence on what stands in the way
@@ -83,6 +85,7 @@ class Session:
     state: State = field(init=False)
     goal: HandGoal | None = None
     replay: Replay | None = None
+    over: Replay | None = None
     path: RunTrail | None = None
     player: Player = field(default_factory=Player)
     following: bool = False
@@ -188,12 +191,29 @@ class Session:
             )
             return
         self.player = Player.of(float(replay.time[0]), float(replay.time[-1]))
-        states = self.robot.make_state(replay.q, np.zeros_like(replay.v))
-        self.rails = along(self.rails, self.robot, states)
+        self.lay_over(None if self.over is None else self.over.run)
         alone = "the run holds one sample: it stands still" if len(replay.time) == 1 else ""
         self.notice = alone if run.success else f"the run ended early: {run.message}"
         self.largest = {kind: self.largest_of(kind, replay) for kind in KINDS}
         self.follow_run()
+
+    def lay_over(self, run: Run | None) -> None:
+        """Show another run of this robot at the times of the one that is played, or none; the
+        shorter one stands still at its end.
+
+        Raises:
+            LinkworkError: the run is not one of this robot.
+        """
+        replay = None if run is None else replay_of(self.pursuit, run)
+        self.over = None if replay is None or replay.empty else replay
+        shown = [each for each in (self.replay, self.over) if each is not None and not each.empty]
+        if self.playable:
+            end = max(float(each.time[-1]) for each in shown)
+            self.player = replace(self.player, end=end, time=min(self.player.time, end))
+        if shown:
+            q = np.concatenate([each.q for each in shown])
+            states = self.robot.make_state(q, np.zeros((len(q), self.robot.mobility)))
+            self.rails = along(self.rails, self.robot, states)
 
     def largest_of(self, kind: str, replay: Replay) -> tuple[float, float]:
         """Return the largest magnitudes of a kind of arrows over a run, at some of its samples."""
@@ -269,6 +289,7 @@ class Session:
         self.rails = grown(self.rails, poses)
         return View(
             placement=self.layout.place(state),
+            over=self.layout.place(self.over.state(self.player.time)) if self.over else None,
             rails=self.rails,
             tool=tool,
             angle=float(wrapped(out["angle"][0])) if tool and robot.planar else None,

@@ -11,7 +11,7 @@ import numpy as np
 import viser
 
 from linkwork.mechanism import GROUND
-from linkwork.scene.colours import GREEN, ORANGE, rgb
+from linkwork.scene.colours import GREEN, ORANGE, PINK, rgb
 from linkwork.scene.fixtures import OPACITY, Fixture
 from linkwork.scene.layout import Placement, of_mesh, quaternions, turned_by
 from linkwork.scene.rails import Rail
@@ -27,6 +27,7 @@ ARROWS = {
     "velocities": rgb(GREEN),
 }
 BODILY = ("member", "plate", "shell")  # roles of what takes the colour of the conditioning
+FAINT = 0.3  # opacity of the run that is laid over
 SHAFT, HEAD, HEAD_LENGTH = (
     0.006,
     0.016,
@@ -70,6 +71,7 @@ class BrowserStage:
     def __init__(self, server: viser.ViserServer, session: Session):
         self.server, self.robot, self.parts = server, session.robot, session.parts
         moving, placement = session.layout.moving, session.layout.place(session.state)
+        self.moving, self.faint = moving, []
         self.batches = [
             self._add_batch(group, placement) for group in of_mesh(self.parts.parts, moving)
         ]
@@ -93,15 +95,16 @@ class BrowserStage:
 
     # Nodes
 
-    def _add_batch(self, group: np.ndarray, placement: Placement) -> Batch:
-        """Add parts of one mesh, by their numbers, as one node."""
+    def _add_batch(self, group: np.ndarray, placement: Placement, *, faint: bool = False) -> Batch:
+        """Add parts of one mesh, by their numbers, as one node; faint ones belong to the run that
+        is laid over."""
         parts = [self.parts.parts[k] for k in group]
         tools = [tool.body for tool in self.robot.mechanism.tools.values()][:1] or list(
             self.robot.bodies
         )
         colours = np.array([rgb(part.colour) for part in parts], np.uint8)
         coloured = np.array([part.role in BODILY and part.carrier in tools for part in parts])
-        name = "ground" if parts[0].carrier == GROUND else "robot"
+        name = "over" if faint else "ground" if parts[0].carrier == GROUND else "robot"
         node = self.server.scene.add_batched_meshes_simple(
             f"/{name}/{group[0]}",
             parts[0].mesh.vertices,
@@ -109,8 +112,8 @@ class BrowserStage:
             placement.turns[group],
             placement.positions[group],
             batched_scales=placement.scales[group],
-            batched_colors=colours,
-            opacity=OPACITY.get(parts[0].role),
+            batched_colors=np.full_like(colours, rgb(PINK)) if faint else colours,
+            opacity=FAINT if faint else OPACITY.get(parts[0].role),
             flat_shading=not parts[0].mesh.smooth,
             lod="off",
         )
@@ -157,11 +160,28 @@ class BrowserStage:
 
     def show(self, placement: Placement) -> None:
         """Move all parts to their places."""
-        for batch in self.batches:
+        self._move(self.batches, placement)
+
+    def _move(self, batches: Sequence[Batch], placement: Placement) -> None:
+        for batch in batches:
             batch.node.batched_positions = placement.positions[batch.group]
             batch.node.batched_wxyzs = placement.turns[batch.group]
             if batch.stretched:
                 batch.node.batched_scales = placement.scales[batch.group]
+
+    def show_faintly(self, placement: Placement | None) -> None:
+        """Show the bodies of the run that is laid over, or none."""
+        if placement is not None and not self.faint:
+            axes = np.array([part.role == "tool" for part in self.parts.parts])
+            chosen = self.moving & ~axes
+            self.faint = [
+                self._add_batch(group, placement, faint=True)
+                for group in of_mesh(self.parts.parts, chosen)
+            ]
+        for batch in self.faint:
+            batch.node.visible = placement is not None
+        if placement is not None:
+            self._move(self.faint, placement)
 
     def lay(self, rails: tuple[Rail, ...]) -> None:
         """Show rails as long as they are now."""

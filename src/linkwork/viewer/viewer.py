@@ -43,6 +43,7 @@ class Viewer:
     Args:
         robot: the robot.
         run: a run of it, to be played.
+        over: another run of it, which is shown faintly at the same times.
         host: address to listen on; the default one is reached from this computer alone.
         port: port to listen on; left out, the first free one from 8080 on.
 
@@ -55,13 +56,20 @@ class Viewer:
     """
 
     def __init__(
-        self, robot: Robot, run: Run | None = None, *, host: str = LOOPBACK, port: int | None = None
+        self,
+        robot: Robot,
+        run: Run | None = None,
+        *,
+        over: Run | None = None,
+        host: str = LOOPBACK,
+        port: int | None = None,
     ):
         if not isinstance(robot, Robot):
             raise LinkworkError(f"the viewer shows a Robot, not {robot!r}")
         self.session = Session(robot)
         if run is not None:
             self.session.load(run)
+        self.session.lay_over(over)
         self.branches: list[State] = [robot.home]
         self.mailbox = Mailbox()
         self.busy = False
@@ -253,6 +261,7 @@ class Viewer:
         with self.server.atomic():
             self.stage.show(view.placement)
             self.stage.lay(view.rails)
+            self.stage.show_faintly(view.over)
             self.stage.draw(view.arrows)
             self.stage.mark(view.marks)
             self.stage.trace(view.trail)

@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 
 from linkwork.robot import Robot, State
-from linkwork.scene.colours import BLUE, GREY, rgb
+from linkwork.scene.colours import BLUE, GREY, PINK, rgb
 from linkwork.scene.meshes import PlacedMesh
 from linkwork.scene.parts import Bar, Coil, Hull, ScenePart, moved
 from linkwork.scene.scene import Scene, scene_of
 from linkwork.views import plane, space
+from linkwork.views.motion import nearest_samples
 
 FRAMES = 160  # at most
 UNIT = 10_000  # parts of the mechanism's size
@@ -43,6 +44,7 @@ class Stroke:
     points: places in a frame; or of what stands still, in space (k, 3) [m]
     corners: of a solid, box or mesh, in the frame that its four points span: its origin and the
     tips of its axes; faces: of a mesh, three numbers of corners for each triangle
+    faint: whether it belongs to what is laid over
     """
 
     kind: str
@@ -51,6 +53,7 @@ class Stroke:
     width: float = 0.0
     corners: tuple[float, ...] = ()
     faces: tuple[int, ...] = ()
+    faint: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +108,8 @@ class Film:
             "time": np.round(self.time - self.time[0], 9).tolist(),
             "start": float(self.time[0]),
             "parts": [
-                [part.kind, part.points, part.colour, part.width, part.corners, part.faces]
-                for part in self.parts
+                [p.kind, p.points, p.colour, p.width, p.corners, p.faces, int(p.faint)]
+                for p in self.parts
             ],
             "fixed": [
                 [part.kind, whole(part.points), part.colour, part.width] for part in self.fixed
@@ -130,37 +133,60 @@ class Film:
         return origin + np.reshape(part.corners, (-1, 3)) @ axes
 
 
-def film(robot: Robot, time: np.ndarray, states: State, frames: int = FRAMES) -> Film:
+def film(
+    robot: Robot,
+    time: np.ndarray,
+    states: State,
+    frames: int = FRAMES,
+    over: tuple[np.ndarray, State] | None = None,
+) -> Film:
     """Make the film of a motion: all samples, or as many of them as there shall be frames, evenly
     in time.
 
     Args:
         robot: the robot; time: of the samples (K,) [s], increasing; states: at these times (K,).
+        frames: at most.
+        over: times and states of another motion of the robot, which is shown faintly at the same
+            times, and stands still before and after it.
     """
     shown = np.unique(
         np.searchsorted(time, np.linspace(time[0], time[-1], min(frames, len(time))) - 1e-12)
     )
-    scene = scene_of(robot, states.at(int(shown[0])), states.at(shown))
-    parts, shelf = sorted(scene.parts, key=lambda part: part.look.level), Shelf(scene)
-    strokes = tuple(
-        stroke for part in parts if not part.look.grounded for stroke in shelf.strokes(part)
+    both, strokes, points, still = [states.at(shown)], [], [], []
+    if over is not None:
+        both.insert(0, over[1].at(nearest_samples(over[0], time[shown])))
+    # What is laid over first, so that it lies below.
+    for number, seen in enumerate(both):
+        scene = scene_of(robot, seen.at(0), seen)
+        parts = sorted(scene.parts, key=lambda part: part.look.level)
+        shelf = Shelf(scene, sum(own.shape[1] for own in points))
+        moving = (
+            stroke for part in parts if not part.look.grounded for stroke in shelf.strokes(part)
+        )
+        strokes += [replace(stroke, faint=number < len(both) - 1) for stroke in moving]
+        points.append(shelf.all)
+        last = number == len(both) - 1
+        ground = (part for part in parts if part.look.grounded)
+        still += [stroke_of_ground(scene, p) for p in ground if last or p.role == "rail"]
+    still += [] if over is None else path(robot, over[1], PINK)
+    still += path(robot, states)
+    return Film(
+        time[shown], np.concatenate(points, axis=1), tuple(strokes), tuple(still), robot.planar
     )
-    still = [stroke_of_ground(scene, part) for part in parts if part.look.grounded]
-    return Film(time[shown], shelf.all, strokes, (*still, *path(robot, states)), robot.planar)
 
 
 class Shelf:
     """Put away the points (F, k, 3) [m] of a scene's parts in all frames, one after the other; each
-    body's frame once."""
+    body's frame once. before: how many points others have put away."""
 
-    def __init__(self, scene: Scene):
-        self.scene, self.count = scene, 0
+    def __init__(self, scene: Scene, before: int = 0):
+        self.scene, self.count = scene, before
         self.points: list[np.ndarray] = []
         self.frames: dict[str, range] = {}
 
     @property
     def all(self) -> np.ndarray:
-        """Return all points (F, N, 3)."""
+        """Return all of its points (F, N, 3)."""
         return np.concatenate(self.points, axis=1)
 
     def add(self, points: np.ndarray) -> range:
@@ -231,9 +257,9 @@ def stroke_of_ground(scene: Scene, part: ScenePart) -> Stroke:
             return Stroke("ground", form.points, str(part.colour))
 
 
-def path(robot: Robot, states: State) -> Iterator[Stroke]:
+def path(robot: Robot, states: State, colour: str = BLUE) -> Iterator[Stroke]:
     """Yield the path of the tool."""
     if robot.mechanism.tools:
         path = robot.tool_pose(states)[:: -(-len(states.q) // ALONG)]
         in_space = np.pad(path[:, :2], ((0, 0), (0, 1))) if robot.planar else path[:, :3]
-        yield Stroke("line", in_space, BLUE, 1.5)
+        yield Stroke("line", in_space, colour, 1.5)

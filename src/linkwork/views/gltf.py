@@ -28,7 +28,7 @@ from linkwork.scene.rails import along, rails_of
 from linkwork.scene.scene import upwards
 from linkwork.simulation import Run
 from linkwork.views.glb import Glb
-from linkwork.views.motion import run_states, states_of
+from linkwork.views.motion import nearest_samples, run_states, states_of
 
 FPS = 30.0
 MOST = 20_000  # keys
@@ -91,9 +91,7 @@ def keys_of(robot: Robot, motion: Run | Motion | State, fps: float) -> tuple[np.
             f"fps than {fps:g}"
         )
     if count < len(time):
-        wanted = np.linspace(time[0], time[-1], count)
-        later = np.searchsorted(time, wanted).clip(1, len(time) - 1)
-        chosen = np.unique(later - (wanted - time[later - 1] < time[later] - wanted))
+        chosen = np.unique(nearest_samples(time, np.linspace(time[0], time[-1], count)))
         return time[chosen] - time[0], states.at(chosen)
     return time - time[0], states
 

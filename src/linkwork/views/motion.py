@@ -89,6 +89,15 @@ def run_states(robot: Robot, run: Run) -> State:
         raise LinkworkError(f"the run is not one of the robot {name!r}: {error}") from None
 
 
+def nearest_samples(time: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return the numbers of the samples, at increasing times (K,), that are nearest to times
+    (F,)."""
+    if len(time) < 2:
+        return np.zeros(len(wanted), int)
+    later = np.searchsorted(time, wanted).clip(1, len(time) - 1)
+    return later - (wanted - time[later - 1] < time[later] - wanted)
+
+
 def spaced(robot: Robot, states: State, count: int) -> np.ndarray:
     """Return the places of so many states at equal distances along a motion, its first and its last
     among them.

@@ -36,13 +36,14 @@ FIRST = ("tool_pose", "joint_position", "joint_rate", "command")  # of the pictu
 METHODS = {"Rodas5P": "for stiff equations, with the exact Jacobian"}
 
 
-def write_report(robot: Robot, run: Run, path: str | Path) -> Path:
+def write_report(robot: Robot, run: Run, path: str | Path, *, over: Run | None = None) -> Path:
     """Write the report of a run as one self-contained HTML page; a file that exists is replaced.
 
     Args:
         robot: whose run it is.
         run: the run, also one that ended early or holds few samples.
         path: of the page, ending in .html.
+        over: another run of the robot, which the film shows faintly at the same times.
 
     Raises:
         LinkworkError: a run of another robot, another suffix, a file that cannot be written.
@@ -50,7 +51,7 @@ def write_report(robot: Robot, run: Run, path: str | Path) -> Path:
     path = Path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise LinkworkError(f"a report is written as .html, not as {path.name!r}")
-    text = render(robot, run)
+    text = render(robot, run, over)
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
@@ -60,7 +61,7 @@ def write_report(robot: Robot, run: Run, path: str | Path) -> Path:
     return path
 
 
-def render(robot: Robot, run: Run) -> str:
+def render(robot: Robot, run: Run, over: Run | None = None) -> str:
     """Return the report as a page."""
     # A run that ended at once has no states to be shown; curves and film are smooth.
     drawn = run.smooth
@@ -76,7 +77,8 @@ def render(robot: Robot, run: Run) -> str:
         planar="planar" if robot.planar else "spatial",
         loops=robot.equations.topology.loops,
         portrait=None if states is None else portrait(robot, states),
-        film=moving(robot, time, states),
+        film=moving(robot, time, states, over),
+        over=over,
         plots=list(plots(data)),
         shown=min(len(time), SAMPLES),
         bodies=bodies_table(robot.mechanism),
@@ -104,9 +106,13 @@ def portrait(robot: Robot, states: State) -> Picture:
     return picture("motion", caption, svg(axes.figure, cropped=True))
 
 
-def moving(robot: Robot, time: np.ndarray, states: State | None) -> Film | None:
-    """Make the film of a run, if it has two samples or more."""
-    return None if states is None or len(time) < 2 else film(robot, time, states)
+def moving(robot: Robot, time: np.ndarray, states: State | None, over: Run | None) -> Film | None:
+    """Make the film of a run, if it has two samples or more, with another one laid over."""
+    faint = None
+    if over is not None:
+        other = over.smooth
+        faint = np.asarray(other.time, float), run_states(robot, other)
+    return None if states is None or len(time) < 2 else film(robot, time, states, over=faint)
 
 
 def plots(data: xarray.Dataset) -> Iterator[Picture]:

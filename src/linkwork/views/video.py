@@ -22,17 +22,24 @@ from linkwork.simulation import Run
 from linkwork.views import plane, space
 from linkwork.views.canvas import Canvas
 from linkwork.views.drawing import new_axes, paint
-from linkwork.views.motion import run_states
+from linkwork.views.motion import nearest_samples, run_states
 from linkwork.views.style import styled
 
 MOST = 600  # frames
 DOTS = 100  # per inch
 FASTEST = 50  # frames per second, which is what GIF holds
+FAINT, BELOW = 0.3, -1.0  # how strong what is laid over is drawn, and how far below the run
 AROUND = 0.06  # room about a plane mechanism, relative to its size
 
 
 def write_video(
-    robot: Robot, run: Run, path: str | Path, *, fps: float = 20.0, speed: float = 1.0
+    robot: Robot,
+    run: Run,
+    path: str | Path,
+    *,
+    fps: float = 20.0,
+    speed: float = 1.0,
+    over: Run | None = None,
 ) -> Path:
     """Write a run as a video; a file that exists is replaced.
 
@@ -43,6 +50,7 @@ def write_video(
         path: of the video, ending in .gif, or in .mp4 where there is ffmpeg.
         fps: frames per second of the video, up to 50.
         speed: seconds of the run in one second of the video.
+        over: another run of the robot, which is shown faintly at the same times.
 
     Returns:
         The path.
@@ -71,12 +79,14 @@ def write_video(
         )
     # Of every frame the sample that is the nearest in time.
     shown = np.linspace(time[0], time[-1], count)
-    later = np.searchsorted(time, shown).clip(1, len(time) - 1)
-    nearest = later - (shown - time[later - 1] < time[later] - shown)
-    chosen, order = np.unique(nearest, return_inverse=True)
+    chosen, order = np.unique(nearest_samples(time, shown), return_inverse=True)
+    faint = None
+    if over is not None:
+        other = over.smooth
+        faint = run_states(robot, other).at(nearest_samples(np.asarray(other.time, float), shown))
     try:
         with styled():
-            draw_all(robot, states.at(chosen), order, writer, path)
+            draw_all(robot, states.at(chosen), order, faint, writer, path)
     except OSError as error:
         raise LinkworkError(
             f"'{path}' cannot be written: {(error.strerror or str(error)).lower()}"
@@ -126,10 +136,15 @@ def ffmpeg() -> str:
         return ""
 
 
-def draw_all(robot: Robot, states: State, order: np.ndarray, writer: Any, path: Path) -> None:
-    """Draw the states (K,) in an order (F,) of their numbers, on the same axes."""
+def draw_all(
+    robot: Robot, states: State, order: np.ndarray, faint: State | None, writer: Any, path: Path
+) -> None:
+    """Draw the states (K,) in an order (F,) of their numbers, on the same axes; faint: states (F,)
+    that are laid over."""
     # Axes that all states fit on.
     points = scene_of(robot, states.at(-1), states).points
+    if faint is not None:
+        points = np.concatenate([points, scene_of(robot, faint.at(-1), faint).points])
     axes = new_axes(points, robot.planar)
     frame(robot, states, 0, Canvas.on(axes, points))
     (plane if robot.planar else space).finish(Canvas.on(axes, points))
@@ -147,16 +162,20 @@ def draw_all(robot: Robot, states: State, order: np.ndarray, writer: Any, path: 
     # One frame after the other; states that stay are drawn once.
     last = -1
     with writer.saving(axes.figure, str(path), DOTS):
-        for number in order:
-            if number != last:
+        for count, number in enumerate(order):
+            if number != last or faint is not None:
                 for artist in (*axes.collections, *axes.lines, *axes.patches, *axes.texts):
                     artist.remove()
+                if faint is not None:
+                    frame(robot, faint, count, Canvas.on(axes, points).at(FAINT, BELOW))
                 frame(robot, states, int(number), Canvas.on(axes, points))
                 last = number
             writer.grab_frame()
 
 
 def frame(robot: Robot, states: State, number: int, canvas: Canvas) -> None:
-    """Draw one of the states; rails are as long as all of them need."""
+    """Draw one of the states; rails are as long as all of them need. Of a faint one only what
+    moves is drawn."""
     for part in scene_of(robot, states.at(number), states).parts:
-        paint(canvas, part)
+        if canvas.strength == 1.0 or not (part.look.grounded or part.role == "tool"):
+            paint(canvas, part)

@@ -61,12 +61,13 @@ for (const box of document.querySelectorAll(".film")) {
     pen.stroke();
   }
 
+  let strength = 1;  // of what is drawn: less of a motion that is laid over
   const draw = {
     face(line, colour) {
       stroke([...line, line[0]], "#1f2933", 1.2);
-      [pen.fillStyle, pen.globalAlpha] = [colour, film.planar ? 1 : 0.6];
+      [pen.fillStyle, pen.globalAlpha] = [colour, strength * (film.planar ? 1 : 0.6)];
       pen.fill();
-      pen.globalAlpha = 1;
+      pen.globalAlpha = strength;
     },
     solid(spots, colour, width) {
       const line = outline(spots);
@@ -126,14 +127,18 @@ for (const box of document.querySelectorAll(".film")) {
     for (const [kind, line, colour, width] of film.fixed)
       draw[kind](Array.from({ length: line.length / dims }, (_, i) => place(line, i)), colour, width);
     const level = { dot: 2e3, box: 2e3, line: 4e3 };  // joints and axes stand a little above bodies
-    const parts = film.parts.map(([kind, indices, colour, width, local, faces], order) => {
+    const parts = film.parts.map(([kind, indices, colour, width, local, faces, faint], order) => {
       const line = local.length ? corners(values, indices, local).map((point) => place(point, 0))
         : indices.map((i) => place(values, i));
       const depth = line.reduce((sum, point) => sum + point[2], 0) / line.length + (level[kind] ?? 0);
-      return { kind, line, colour, width, faces, depth, order };
+      return { kind, line, colour, width, faces, faint, depth, order };
     });
     if (!film.planar) parts.sort((a, b) => a.depth - b.depth || a.order - b.order);
-    for (const { kind, line, colour, width, faces } of parts) draw[kind](line, colour, width, faces);
+    for (const { kind, line, colour, width, faces, faint } of parts) {
+      pen.globalAlpha = strength = faint ? 0.3 : 1;
+      draw[kind](line, colour, width, faces);
+    }
+    pen.globalAlpha = strength = 1;
     scrub.value = t;
     shown.textContent = `${(film.start + t).toFixed(3)} s`;
     box.dataset.time = t;
