@@ -127,3 +127,24 @@ def knee() -> lw.Robot:
             reference={"hip": -1.5, "motor": 1.6, "knee": -0.3},
         )
     )
+
+
+@cache
+def floating_knee() -> lw.Robot:
+    """Return the leg of `knee` under a pelvis that moves freely, whose joint's frames are turned
+    and off their bodies' origins."""
+    leg, at = knee().mechanism, lw.Frame
+    pelvis = lw.Body(mass=4.0, centre_of_mass=(0.02, 0.01, -0.03), inertia=moments(0.1, 0.2, 0.15))
+    frames = (
+        at(position=(0.1, 0.2, 0.3), rotation=(0.3, -0.2, 0.5)),
+        at(position=(-0.05, 0.04, 0.1), rotation=(0.1, 0.6, -0.4)),
+    )
+    bodies = {"pelvis": pelvis}
+    for name, body in leg.bodies.items():
+        zz = body.inertia.zz
+        bodies[name] = body.model_copy(update={"inertia": moments(0.3 * zz, 0.9 * zz, zz)})
+    joints: dict = {"base": lw.FreeJoint(connects=("ground", "pelvis"), frames=frames)}
+    hip = leg.joints["hip"].model_copy(update={"connects": ("pelvis", "thigh")})
+    return lw.Robot(
+        leg.model_copy(update={"bodies": bodies, "joints": joints | {**leg.joints, "hip": hip}})
+    )

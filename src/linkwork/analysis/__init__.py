@@ -16,6 +16,7 @@ from linkwork.analysis.linearisation import (
     stiffness_matrix,
     tool_stiffness,
 )
+from linkwork.analysis.plugged_tree import PluggedTree
 from linkwork.analysis.singularities import Singularity, along, loci, singularity
 from linkwork.model.linear_model import LinearModel, linearise
 from linkwork.moved import renamed
@@ -32,6 +33,7 @@ __all__ = [
     "Measured",
     "Modes",
     "NaturalModes",
+    "PluggedTree",
     "Singularity",
     "actuation",
     "along",

@@ -27,6 +27,7 @@ from linkwork.analysis import loop_map as maps
 from linkwork.analysis.arranging import arranged, require_apart
 from linkwork.analysis.compiled_map import CompiledMap
 from linkwork.analysis.loop_map import LoopMap
+from linkwork.analysis.plugged_tree import PluggedTree, plugged_tree
 from linkwork.analysis.transferred import (
     TransferredGains,
     TransferredLimits,
@@ -232,6 +233,16 @@ class ActuationModel:
         return TransferredGains(congruent(K, J) - self._bent(state, torques), congruent(D, J))
 
     # Export
+
+    def tree(self) -> PluggedTree:
+        """Return the tree without loops that the joints and the other independent rates span, with
+        what makes it move as the closed robot does in MuJoCo.
+
+        Raises:
+            LinkworkError: rates that no chain of joints from the ground has, as of rods that turn
+                about themselves; joints that an engine's tree does not hold as they are.
+        """
+        return plugged_tree(self.robot, self.chart, self.motors, self.about)
 
     def functions(self) -> tuple[ca.Function, ...]:
         """Return the maps as CasADi functions of the tree's coordinates q and the rates v of joints
