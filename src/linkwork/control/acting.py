@@ -131,6 +131,11 @@ class Acting:
         symbols = {name: ca.SX.sym(name, self.function.sparsity_in(name)) for name in names}
         return symbols, dict(zip(OUTPUTS, self.function.call([*symbols.values()]), strict=True))
 
+    @property
+    def events_over_time(self) -> bool:
+        """Whether event functions read more of the time than the time itself."""
+        return bool(self.read_by_events) or bool(self.timely and self.timely.events)
+
     def watch(
         self,
         inputs: Signal,

@@ -394,9 +394,10 @@ class Robot(Dynamics, Portrayed):
         """Run N members at a time, as `simulate` runs each of them, over all threads.
 
         By the explicit methods that choose their steps, many members share a vector register, from
-        chart to chart. Other methods, events and a `Sampler` take more time: then members run one
-        by one, and those that a Python function controls on one thread, in their order. A method
-        that is left out is chosen as for `simulate`, one for all.
+        chart to chart, events and contacts included. Other methods, events that read what is given
+        over time and a `Sampler` take more time: then members run one by one, and those that a
+        Python function controls on one thread, in their order. A method that is left out is chosen
+        as for `simulate`, one for all.
 
         A member that fails keeps its status and the state it reached, and the others go on.
         KeyboardInterrupt ends the runs, and what is done is returned; the status of the others is

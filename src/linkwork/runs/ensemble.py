@@ -360,7 +360,7 @@ def collected(
         parameters=batch.varied,
         members=batch,
         rows=rows,
-        _happened=happened(batch, singles),
+        _happened=happened(batch, legs, singles),
         _passed=passed(singles),
         _last=lambda: last_states(batch, legs, singles),
         _sentences=sentence,
@@ -436,16 +436,26 @@ def companion(batch: Members, settings: Settings) -> Callable[[], Ensemble] | No
     return other
 
 
-def happened(batch: Members, singles: Sequence[SingleRun]) -> Happened:
-    """Return the events of all runs."""
+def happened(batch: Members, legs: Sequence[Leg], singles: Sequence[SingleRun]) -> Happened:
+    """Return the events of all runs: of those by themselves, and of all others in the lanes."""
     names = np.array([event.name for event in batch.system.events], dtype=object)
-    runs = sorted(singles, key=lambda one: one.member) if names.size else []
-    found = [(one.member, part.trajectory.events) for one in runs for part in one.segments]
-    index = np.concatenate([np.empty(0, int), *(events.index for _, events in found)])
-    times = np.concatenate([np.empty(0), *(events.times for _, events in found)])
-    whose = np.repeat([member for member, _ in found], [len(events) for _, events in found]).astype(
-        int
-    )
+    if not names.size:
+        return Happened(np.empty(0, int), names, np.empty(0))
+    found = [np.empty((0, 3))]
+    for one in singles:
+        for part in one.segments:
+            events = part.trajectory.events
+            whose = np.full(len(events), float(one.member))
+            found.append(np.column_stack([whose, events.index, events.times]))
+    alone = [one.member for one in singles]
+    for leg in legs:
+        rows = leg.outcomes.events
+        whose = leg.members[rows[:, -1].astype(int)]
+        table = np.column_stack([whose, rows[:, -2], rows[:, 0]])
+        found.append(table[~np.isin(whose, alone)])
+    table = np.concatenate(found)
+    table = table[np.lexsort((table[:, 2], table[:, 0]))]
+    whose, index, times = table[:, 0].astype(int), table[:, 1].astype(int), table[:, 2].copy()
     return Happened(whose, names[index], times)
 
 

@@ -30,6 +30,10 @@ def fault_source(system: System, segment: Segment) -> str:
             return lost
         if fault < 0 and not np.isfinite(slope).all():
             fault = int(np.isfinite(slope).argmin())
+        if fault < 0 and system.events:
+            values = system.kernel(chart, "events").flat(np.concatenate([moved, u, p]))
+            if not np.isfinite(values).all():
+                fault = y.size + 1 + held.size + int(np.isfinite(values).argmin())
     return (
         came_upon(system, chart, held.size)[fault]
         if fault >= 0

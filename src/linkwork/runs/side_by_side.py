@@ -28,13 +28,15 @@ from linkwork.runs.passage import CLOSURE, LOWER, RECOVERED, SHORT, SOFT, Segmen
 from linkwork.runs.settings import Settings
 from linkwork.simulation import Method, Status, Trajectory
 from linkwork.simulation.integration import times_within
-from linkwork.simulation.many import Outcomes, Starts, integrate_many
+from linkwork.simulation.many import Occasion, Outcomes, Starts, integrate_many
 
 
 def in_lanes(batch: Members, method: Method) -> bool:
-    """Tell whether the lanes can do what is asked: explicit pairs, without events and sampled
-    controllers."""
-    return method.in_lanes and not batch.system.events and batch.system.sampler is None
+    """Tell whether the lanes can do what is asked: explicit pairs, without sampled controllers and
+    events that read what is given over time, past which no step may go."""
+    acting = batch.system.acting
+    over_time = acting is not None and bool(acting.events) and acting.events_over_time
+    return method.in_lanes and not over_time and batch.system.sampler is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +97,12 @@ class Leg(NamedTuple):
             saved=np.searchsorted(save_at, t, "right"),
             steps=before.steps - done.steps[rows] - done.rejected[rows],
         )
+
+    def events(self, row: int) -> np.ndarray:
+        """Return the rows (t, y, residual, event) of a member's events."""
+        done, n = self.outcomes, self.outcomes.y_end.shape[1]
+        own = done.events[done.events[:, -1] == row]
+        return own[:, [*range(1 + n), -3, -2]]
 
     def stand(self, row: int, method: Method) -> Stand:
         """Return where a member stood as that of a run."""
@@ -231,7 +239,18 @@ def integrated(batch: Members, settings: Settings, stands: Stands, progress: Pro
             (stands.members, stands.steps, stands.saved, last),
             stands.turns,
         ),
+        occasion=occasion(batch, chart),
     )
+
+
+def occasion(batch: Members, chart: CompiledChart) -> Occasion | None:
+    """Return the events to watch for in a chart, if there are any."""
+    system, events = batch.system, batch.system.conditions(chart)
+    if events is None:
+        return None
+    closure = chart.single("closure_step").address if chart.equations.constrained else 0
+    wide = system.kernel(chart, "events").wide_address
+    return Occasion(system.motion(chart), closure, wide, events)
 
 
 def unbegun(stands: Stands) -> Outcomes:
@@ -253,6 +272,7 @@ def unbegun(stands: Stands) -> Outcomes:
         rejected_pivot=unknown,
         rejected_residual=unknown,
         turns=stands.turns,
+        events=np.empty((0, stands.y.shape[1] + 4)),
     )
 
 
@@ -343,6 +363,7 @@ def segment(batch: Members, settings: Settings, leg: Leg, row: int) -> Segment:
     rows = np.zeros((saved - first, 3 + done.y_end.shape[1]))
     rows[:, 0], rows[:, -1] = settings.save_at[first:saved], -1.0
     rows[:, 1:-2] = done.samples[row, first:saved]
+    found = leg.events(row)
     # The outcome as the loop of one run tells it; what lanes do not have is zero.
     outcome = LoopOutcome(
         status=done.status[row],
@@ -369,7 +390,7 @@ def segment(batch: Members, settings: Settings, leg: Leg, row: int) -> Segment:
         "max_steps": settings.max_steps,
     }
     end, turns, status = done.y_end[row], done.turns[row], Status(outcome.status)
-    held = rows, rows[:0], end, turns, stand.q.size, outcome, None, bounds, status
+    held = rows, found, end, turns, stand.q.size, outcome, None, bounds, status
     robot, _ = batch.alone(int(leg.members[row]))
     chart = leg.chart.with_parameters(robot.p)
     return Segment(chart, Trajectory(*held), (stand.t, stand.q, stand.v), stand.method.name)

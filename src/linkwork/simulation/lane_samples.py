@@ -17,6 +17,7 @@ from linkwork.simulation.lane_tables import (
     BOUND,
     CLOSURE_ERROR,
     EVALUATIONS,
+    EXTENDED,
     LAST,
     LEAST,
     LOOSE,
@@ -89,6 +90,7 @@ def extend(motion, method, signals, save_at, tables):
     for lane in range(LANES):
         if extends(lane, save_at, now, tally):
             tally[EVALUATIONS, lane] += method.stages - method.computed
+            tally[EXTENDED, lane] = 1
     for i in range(method.computed, method.stages):
         combine(method.a + i * method.stages, i, n, now, y, k, x)
         if signals.timed:

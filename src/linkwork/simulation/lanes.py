@@ -27,6 +27,16 @@ import numpy as np
 from numba import njit, types
 
 from linkwork.simulation.compiled import INLINED, OPTIONS, compiled_once
+from linkwork.simulation.lane_events import (
+    FIRST_ROWS,
+    Occasions,
+    event_tables,
+    observe_starts,
+    pass_occasions,
+    rooms_for,
+    run_alone,
+    take_occasions,
+)
 from linkwork.simulation.lane_inputs import Signals, force, next_target, set_forces, signal_of
 from linkwork.simulation.lane_members import (
     Results,
@@ -54,6 +64,9 @@ from linkwork.simulation.lane_tables import (
     AILMENT,
     ERROR,
     EVALUATIONS,
+    EXTENDED,
+    HALTED,
+    LEAST,
     LIVE,
     PIVOT,
     REACHED,
@@ -126,13 +139,19 @@ def decide(method, limits, tables):
 
 
 @njit(**OPTIONS)
-def look_into(kernels, method, signals, watched, limits, save_at, samples, peaks, tables):
-    """Look at what the stages may not have seen within the accepted steps, and take the samples
-    there; refuse steps in which something is wrong.
+def look_into(
+    kernels, method, signals, watched, limits, save_at, samples, peaks, occasions, alone, found,
+    tables, places,
+):  # fmt: skip
+    """Look at what the stages may not have seen within the accepted steps, and take the events and
+    samples there; refuse steps in which something is wrong. Return the rows of events.
 
     peaks: whether any lane may have come to a peak of the motion
     """
     now, tally, bending = tables.now, tables.tally, watched.bending
+    store(now, LEAST, splat(0.0))
+    for lane in range(LANES):
+        tally[EXTENDED, lane] = 0
     # Which lanes need the dense output, and the stages that it needs beside the others.
     marked = mark(watched, now, tally) if bending[-1] > bending.size - 1 else 0
     if peaks:
@@ -144,8 +163,13 @@ def look_into(kernels, method, signals, watched, limits, save_at, samples, peaks
     # Steps that the dense output refuses give no samples.
     if marked > 0:
         inspect(kernels.motion, method, signals, watched, peaks, tables)
+    if places.count > 0:
+        found = take_occasions(
+            occasions, alone, method, signals, limits.closure_tol, found, tables, places
+        )
     if save_at.size > 0:
         take_samples(kernels.closure, method, limits.closure_tol, save_at, samples, tables)
+    return found
 
 
 @njit(**INLINED)
@@ -177,6 +201,7 @@ def restart(motion, last, signals, tables):
     for lane in range(LANES):
         time = now[TIME, lane]
         breaks = time == now[TARGET, lane] and time < now[STOP, lane]
+        breaks = breaks and tally[STATUS, lane] == OK and tally[HALTED, lane] == 0
         now[WANTED, lane] = 0.0
         if now[ACCEPTS, lane] > 0 and breaks:
             signal = signal_of(signals, tally[ROW, lane])
@@ -215,6 +240,7 @@ _SIGNATURE = (
     _table,
     _tuple(Signals, _numbers, _tables, _wholes, _numbers, _wholes, types.boolean),
     _tuple(LaneSignals, _numbers, _tables, _wholes, _rows, _wholes),
+    _tuple(Occasions, types.UniTuple(_whole, 5), _whole, _rows),
     _tuple(Roster, _rows, _rows, _rows, _counts),
     _array,
     _tuple(Results, _tables, _rows, _counts),
@@ -225,28 +251,36 @@ _SIGNATURE = (
 
 @compiled_once("the integrator of ensembles", _SIGNATURE)
 def integrate(
-    kernels, plan, limits, sizes, parameters, signals, watched, members, save_at, results, cancel,
-    progress,
+    kernels, plan, limits, sizes, parameters, signals, watched, occasions, members, save_at,
+    results, cancel, progress,
 ):  # fmt: skip
     """Integrate members from their starts to their ends, and leave their last states there.
 
     plan: the `StepPlan.table` of an explicit pair.
     parameters (N, np) or (1, np), signals, watched: of which each member has a row; save_at (K,):
     times [s].
+    occasions: the events to watch for.
     cancel (1,): the run ends where it is when another thread writes anything but 0; progress (1,):
     the members ended.
+    Return the rows of the events, (t, y, u, residual, event, member).
     """
     # The caller keeps all of this alive.
     members, results, parameters = uncounted(members), uncounted(results), uncounted(parameters)
     signals, watched, save_at = uncounted(signals), uncounted(watched), uncounted(save_at)
+    occasions = uncounted(occasions)
     n, nq, inputs = members.y.shape[1], sizes.turning.shape[1], signals.coefficients.shape[2]
-    method, count = method_of(pointer(plan)), members.counts.shape[0]
-    end = rows_of(n, nq, inputs, parameters.shape[1], method.stages)
+    method, count, free = method_of(pointer(plan)), members.counts.shape[0], parameters.shape[1]
+    end = rows_of(n, nq, inputs, free, method.stages)
     space, blocks = room(end[-1]), room(block_row(count + LANES - 1, n))
     counts = np.zeros((TALLY, LANES), np.intp)
     tables, begun = furnish(space, counts, end, n, nq, sizes), as_table(blocks)
-    breaks = signals.breaks.size > 0
-    looks = save_at.size > 0 or watched.bending[-1] > watched.bending.size - 1
+    # The events are looked for, and kept.
+    alone, memory, turns = run_alone(occasions, method, n, nq, inputs, free, sizes)
+    observed, found = rooms_for(occasions, n, inputs, free), np.empty((FIRST_ROWS, n + inputs + 4))
+    places = event_tables(observed, occasions, n, inputs, free, tables.tally)
+    watching, alone.rows = places.count > 0, pointer(found)
+    breaks = signals.breaks.size > 0 or watching
+    looks = save_at.size > 0 or watched.bending[-1] > watched.bending.size - 1 or watching
 
     # All members start; then all lanes go step by step, until no member is left.
     turned = start_all(
@@ -259,6 +293,8 @@ def integrate(
                 waiting, members, signals, parameters, begun, save_at, results, turned, progress,
                 tables,
             )  # fmt: skip
+            if watching:
+                observe_starts(alone, signals, tables, places)
         if live == 0 or cancel[0] != 0:
             break
         # A step is tried, judged, and looked into.
@@ -266,8 +302,9 @@ def integrate(
         decide(method, limits, tables)
         peaks, samples = some(falling(tables.now)), results.samples
         if looks or peaks:
-            look_into(
-                kernels, method, signals, watched, limits, save_at, samples, peaks, tables
+            found = look_into(
+                kernels, method, signals, watched, limits, save_at, samples, peaks, occasions,
+                alone, found, tables, places,
             )  # fmt: skip
         book(method.exponent, tables)
         # Where it is accepted the lane goes on from its end.
@@ -277,6 +314,8 @@ def integrate(
         accept(sixteenths(method.exponent), limits.max_step, tables.now)
         if breaks:
             restart(kernels.motion, method.solution, signals, tables)
+        if watching:
+            pass_occasions(alone, signals, tables, places)
         go_on(method, tables)
         if some(large(tables)):
             turned |= settle(tables)
@@ -285,3 +324,6 @@ def integrate(
     if kernels.closure != 0:
         measure_closure(kernels.closure, members, results.numbers, parameters, tables)
     space[0, 0] = blocks[0, 0] = counts[0, 0] = 0  # the memory of the tables lives to the end
+    observed[0, 0] = memory[0] = 0.0
+    saved, turns[:] = alone.saved, 0.0
+    return found[:saved]

@@ -9,7 +9,7 @@ chunk: to fill memory that no one has touched yet takes its time, too.
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import accumulate
 
@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 from linkwork.simulation import lane_tables as rows
+from linkwork.simulation.events import Events
 from linkwork.simulation.integration import (
     require_cover,
     require_run,
@@ -46,7 +47,8 @@ class Outcomes:
     kernel, accepted and rejected steps; `pivot` (N,), the smallest pivot met; `closure_error` (N,),
     the largest residual of the samples and of the first and last state; `next_step` (N,), in s;
     `rejected_pivot`, `rejected_residual` (N,): why a step was last refused; `turns` (N, nq), the
-    whole turns of angles that are not in `y_end`.
+    whole turns of angles that are not in `y_end`; `events`, rows (t, y, u, residual, event,
+    member).
     """
 
     status: np.ndarray
@@ -63,10 +65,7 @@ class Outcomes:
     rejected_pivot: np.ndarray
     rejected_residual: np.ndarray
     turns: np.ndarray
-
-    def part(self, members: np.ndarray) -> "Outcomes":
-        """Return the outcomes of some members."""
-        return Outcomes(**{name: values[members] for name, values in vars(self).items()})
+    events: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +88,13 @@ class MemberInputs:
     bending: np.ndarray
 
     @property
+    def cubic(self) -> "MemberInputs":
+        """The same with all four powers, as single runs take them."""
+        lacking = 4 - self.coefficients.shape[1]
+        table = np.pad(self.coefficients, [(0, 0), (0, lacking), (0, 0)])
+        return replace(self, coefficients=table) if lacking else self
+
+    @property
     def signals(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, bool]:
         """The signals as the compiled loop follows them."""
         return (
@@ -100,6 +106,26 @@ class MemberInputs:
     def watched(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The signals as the compiled loop watches them."""
         return self.starts, self.coefficients, self.pieces, self.bends, self.bending
+
+
+@dataclass(frozen=True, eq=False)
+class Occasion:
+    """Watch for events in many members: the kernels of one state (motion, closure), of the event
+    functions for one state and for states side by side, by their addresses, and the `Events`."""
+
+    motion: int
+    closure: int
+    wide: int
+    events: Events
+
+    @property
+    def asked(self) -> tuple[tuple[int, ...], int, np.ndarray]:
+        """What the compiled loop takes."""
+        alone = self.motion, self.closure, 0, self.events.address, 0
+        return alone, self.wide, self.events.table
+
+
+NO_OCCASION: tuple[tuple[int, ...], int, np.ndarray] = (0, 0, 0, 0, 0), 0, np.empty((0, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,6 +244,7 @@ def integrate_many(
     turning: Turning | None = None,
     watch: MemberInputs | Signal | Sequence[Signal] | None = None,
     starts: Starts | None = None,
+    occasion: Occasion | None = None,
 ) -> Outcomes:
     """Integrate N members as `integrate` does each of them, many at a time.
 
@@ -235,6 +262,7 @@ def integrate_many(
             then.
         starts: where each member sets out and how far it goes, where that is not the same for all;
             its rows are those of the inputs, of the parameters and of what is watched.
+        occasion: events to watch for.
 
     Returns the `Outcomes`. A member that fails has its status, and the others go on; so has every
     member that was not ended when KeyboardInterrupt came, CANCELLED, wherever it was; it is raised
@@ -259,6 +287,7 @@ def integrate_many(
         p = np.atleast_2d(np.asarray(parameters, dtype=float, order="C"))
     forces = as_inputs(inputs, members)
     watched = forces if watch is None else as_inputs(watch, members)
+    forces = forces if occasion is None else forces.cubic
 
     from linkwork.simulation import lanes
 
@@ -270,6 +299,7 @@ def integrate_many(
         p,
         lanes.Signals(*forces.signals),
         lanes.LaneSignals(*watched.watched),
+        lanes.Occasions(*(NO_OCCASION if occasion is None else occasion.asked)),  # pyright: ignore[reportArgumentType]
     )
     return _outcomes(asked, given, starts, times, threads or usable_processors(), progress)
 
@@ -296,6 +326,7 @@ def _outcomes(
     size = min(LARGEST_CHUNK, max(lanes.LANES, -(-members // (CHUNKS_PER_THREAD * threads))))
     chunks = [slice(first, min(first + size, members)) for first in range(0, members, size)]
     ended = np.zeros((len(chunks), 1), dtype=np.intp)
+    found: dict[int, np.ndarray] = {}
 
     def run(i: int) -> bool:
         chunk = chunks[i]
@@ -308,7 +339,8 @@ def _outcomes(
         else:
             roster = lanes.Roster(states[chunk], turns[chunk], *starts.tables(chunk))
             results = lanes.Results(samples[chunk], numbers[chunk], counts[chunk])
-            lanes.integrate(*asked, roster, times, results, cancel, ended[i])
+            found[i] = lanes.integrate(*asked, roster, times, results, cancel, ended[i])
+            found[i][:, -1] += chunk.start
         kept = np.arange(times.size)
         saved = (kept >= starts.counts[2][chunk, None]) & (kept < counts[chunk, rows.SAVED, None])
         samples[chunk][~saved] = np.nan
@@ -334,6 +366,7 @@ def _outcomes(
         rejected_pivot=numbers[:, rows.REJECTED_PIVOT],
         rejected_residual=numbers[:, rows.REJECTED_RESIDUAL],
         turns=turns,
+        events=np.concatenate([found[i] for i in sorted(found)] or [np.empty((0, n + 4))]),
     )
 
 
