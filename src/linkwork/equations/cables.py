@@ -11,6 +11,13 @@ one of each sign: the way between them is r times the angle, and the shorter one
 cylinder the way climbs in proportion to its length across the axis. Where the straight line misses
 the circle the cable is straight.
 
+Where it is led inside, it is bent where the straight line misses the circle, and touches it in one
+point, at equal angles to both parts: with A = r/|d_0|, B = r/|d_1|, and G between d_0 and d_1,
+
+    2 a - asin(A sin a) - asin(B sin a) = G,   touched at the angle  a - asin(A sin a)  from d_0
+
+The left side grows with a and is convex, so that Newton's steps from above lead there.
+
 The rate of l is that of the straight parts alone, each between two points that are fixed in their
 bodies at the moment: to the first order a taut cable does not change its length by where it
 touches. So a unit force along l is a pair of forces at the ends of each straight part.
@@ -33,6 +40,7 @@ GRAZING = 1e-6
 """Angle of an arc below zero that is rounding, where a cable hardly touches [rad]: an arc of nearly
 a whole turn has tangents that cross."""
 CROSSED = -1e4  # how good a solution is whose tangents cross
+STEPS = 12  # of Newton's method inside a circle
 
 
 Places = Callable[[str], tuple[ca.SX, ca.SX]]
@@ -113,7 +121,10 @@ def round_surface(
     axes = SX.eye(3)[:, :2] if isinstance(surface, OverCylinder) else bending_plane(*p)
     d = [ca.mtimes(axes.T, point) for point in p]
     # Where it touches; on a cylinder it climbs as it goes.
-    t, arc, bent = circle(d[0], d[1], surface.radius)
+    if surface.inside:
+        t, arc, bent = within(d[0], d[1], surface.radius)
+    else:
+        t, arc, bent = circle(d[0], d[1], surface.radius)
     touching = [ca.mtimes(axes, point) for point in t]
     if isinstance(surface, OverCylinder):
         across = [ca.sqrt(ca.sumsqr(a - b) + TINY**2) for a, b in zip(d, t, strict=True)]
@@ -152,11 +163,42 @@ def circle(first: ca.SX, last: ca.SX, radius: float) -> tuple[tuple[ca.SX, ca.SX
     t = tuple(ca.if_else(left, a, b) for a, b in zip(*ways, strict=True))
     arc = radius * ca.if_else(left, angle(*ways[0], 1), angle(*ways[1], -1))
     # It is bent where both points are outside and the straight way comes too near.
-    gap = last - first
-    nearest = first + ca.fmin(ca.fmax(-dot(first, gap) / (ca.sumsqr(gap) + TINY), 0), 1) * gap
+    nearest = next_to_origin(first, last)
     outside = ca.logic_and(ca.sumsqr(first) >= radius**2, ca.sumsqr(last) >= radius**2)
     free = ca.logic_or(ca.sumsqr(nearest) > radius**2, ca.fmax(*goods) <= CROSSED)
     return (t[0], t[1]), arc, ca.logic_and(outside, ca.logic_not(free))
+
+
+def next_to_origin(first: ca.SX, last: ca.SX) -> ca.SX:
+    """Return the point next to the origin between two points."""
+    gap = last - first
+    return first + ca.fmin(ca.fmax(-dot(first, gap) / (ca.sumsqr(gap) + TINY), 0), 1) * gap
+
+
+def within(first: ca.SX, last: ca.SX, radius: float) -> tuple[tuple[ca.SX, ca.SX], ca.SX, ca.SX]:
+    """Return what `circle` does for a cable that is led through the circle."""
+    lengths = [ca.sqrt(ca.sumsqr(point) + TINY**2) for point in (first, last)]
+    A, B = (ca.fmin(radius / length, 1) for length in lengths)
+    turned = first[0] * last[1] - first[1] * last[0]
+    G = ca.atan2(ca.fabs(turned), dot(first, last))
+    # Newton's steps from above, where the derivative is least at zero.
+    a = ca.fmin(G / ca.fmax(2 - A - B, TINY), ca.pi / 2)
+    for _ in range(STEPS):
+        s, c = ca.sin(a), ca.cos(a)
+        slope = sum(X * c / ca.sqrt(ca.fmax(1 - (X * s) ** 2, TINY)) for X in (A, B))
+        excess = 2 * a - ca.asin(A * s) - ca.asin(B * s) - G
+        a = ca.fmax(a - excess / ca.fmax(2 - slope, TINY), 0)
+    # From the first point's direction towards the last one's.
+    angle = ca.if_else(turned > 0, 1, -1) * (a - ca.asin(A * ca.sin(a)))
+    x, y = (radius / lengths[0] * first[k] for k in range(2))
+    touched = ca.vertcat(
+        ca.cos(angle) * x - ca.sin(angle) * y, ca.sin(angle) * x + ca.cos(angle) * y
+    )
+    outside = ca.logic_and(*(ca.sumsqr(point) > radius**2 for point in (first, last)))
+    missed = ca.sumsqr(next_to_origin(first, last)) > radius**2
+    opposite = ca.logic_and(ca.fabs(turned) < TINY, dot(first, last) < 0)
+    bent = ca.logic_and(ca.logic_and(outside, missed), ca.logic_not(opposite))
+    return (touched, touched), SX(0), bent
 
 
 def tangents(first: ca.SX, last: ca.SX, radius: float, sign: int) -> tuple[ca.SX, ca.SX]:

@@ -117,11 +117,15 @@ class ViaPoint(Record):
 
 class _Over(Record):
     """Lead a cable round a body's surface, the shorter way, where the straight way between the
-    points before and behind it passes through."""
+    points before and behind it passes through; or inside it."""
 
     body: Name = Field(description="name of the body")
     frame: Frame = Field(default=Frame(), description="of the surface, in the body's frame")
     radius: Positive = Field(description="of the surface [m]")
+    inside: bool = Field(
+        default=False,
+        description="it is led through the surface as through a ring, and touches it from within",
+    )
 
 
 class OverSphere(_Over):

@@ -43,6 +43,9 @@ from linkwork.mechanism import (
 )
 
 Loaded = TypeVar("Loaded", Combination, Cable)
+BESIDE = (
+    "is left out: round a geom a cable passes the shorter way or inside, not by a side (sidesite)"
+)
 Held = tuple[Element, float]  # the equality, and by how much it differs from the length at qpos0
 
 
@@ -176,16 +179,17 @@ class TendonReader:
                 path.append(ViaPoint(body=body, point=poses.triple(X[:3, 3])))
             elif part.tag == "pulley":
                 path.append(part.make(PulleyBlock, divisor=part.number("divisor")))
-            elif "sidesite" in part.attributes:
-                remark = "is left out: round a geom a cable passes the shorter way, not by a side"
-                self.notes.on(element, f"{remark} (sidesite)", alters=True)
-                return None
             else:
-                path.append(self._surface(part))
+                surface = self._surface(part)
+                if surface is None:
+                    self.notes.on(element, BESIDE, alters=True)
+                    return None
+                path.append(surface)
         return tuple(path)
 
-    def _surface(self, part: Element) -> OverSphere | OverCylinder:
-        """Return the surface of a geom that a cable is led round."""
+    def _surface(self, part: Element) -> OverSphere | OverCylinder | None:
+        """Return the surface of a geom that a cable is led round, or through where its sidesite
+        lies within; None where that is beside it or on another body."""
         name = part.text("geom")
         if name not in self.loops.tree.geoms:
             raise part.refusal(f"there is no geom {name!r}")
@@ -194,8 +198,15 @@ class TendonReader:
         if kind is None:
             raise part.refusal(f"{name!r} is no sphere and no cylinder; wrap round one of these")
         size, place = measured(self.document, geom)
-        frame = poses.frame_of(X @ place)
-        return part.make(kind, body=body, frame=frame, radius=float(size[0]))
+        fields = {"body": body, "frame": poses.frame_of(X @ place), "radius": float(size[0])}
+        if "sidesite" in part.attributes:
+            owner, at = self.loops.site(part, part.text("sidesite"))
+            away = np.linalg.norm(at[:3, 3] - (X @ place)[:3, 3])
+            if owner != body or away >= size[0]:
+                return None
+            fields["inside"] = True
+            self.found.used.add(part.text("sidesite"))
+        return part.make(kind, **fields)
 
     def _rests(self, cable: Cable) -> float:
         """Return the length of a cable where the joints' springs rest."""

@@ -460,7 +460,11 @@ class _Writer:
                     own = {"name": label, "type": part.type, "size": numbers(size), "group": "4"}
                     own |= placed(poses.of_frame(part.frame))
                     ET.SubElement(self.elements[part.body], "geom", attrib=own)
-                    ET.SubElement(tendon, "geom", geom=label)
+                    led = ET.SubElement(tendon, "geom", geom=label)
+                    if part.inside:
+                        X = self.home.poses[part.body] @ poses.of_frame(part.frame)
+                        self._site(f"{label}.side", part.body, X)
+                        led.set("sidesite", f"{label}.side")
             self._along(tendon, line, 0.0)
 
     def _along(self, tendon: ET.Element, line: LoadedLength, offset: float) -> None:
