@@ -183,3 +183,23 @@ def test_refusals(ask, told):
     with pytest.raises(lw.LinkworkError, match=told) as refusal:
         ask()
     assert "\n" not in str(refusal.value)
+
+
+def test_angles_are_told_within_a_turn_and_within_their_limits():
+    """The 3-RRS' legs bend at 0.867 and 2.669 rad (law of cosines); with limits beyond a half turn,
+    at these and a turn less."""
+    robot, task = built("rrs3"), {"z": 0.25, "rx": 0.0, "ry": 0.0}
+    base, platform, first, second = 0.2, 0.15, 0.15, 0.2
+    away, reach = np.arctan2(0.25, platform - base), np.hypot(0.25, platform - base)
+    bend = np.arccos((reach**2 + first**2 - second**2) / (2 * reach * first))
+    motors = [robot.coordinates.index(name) for name in robot.actuators]
+    for limits, turn in ((None, 0), (lw.Limits(lower=-6.0, upper=-3.0), -2 * np.pi)):
+        joints = dict(robot.mechanism.joints)
+        for name in robot.actuators:
+            joints[name] = joints[name].model_copy(update={"limits": limits or lw.Limits()})
+        asked = lw.Robot(robot.mechanism.model_copy(update={"joints": joints}))
+        modes = working_modes(asked, list(task.values()), what=tuple(task))
+        assert len(modes) == 8 and modes.within_limits.all()
+        found = modes.states.positions[:, motors] - away - turn
+        np.testing.assert_allclose(np.abs(found), bend, atol=1e-9)
+        assert np.max(asked.closure_error(modes.states)) < 1e-12

@@ -16,7 +16,7 @@ classes).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -27,7 +27,9 @@ from linkwork.analysis.square import Square, of_joints, of_tool
 from linkwork.equations import body_motion, functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
+from linkwork.mechanism.limits import limited
 from linkwork.model import checks, limits
+from linkwork.model.turning import closing
 from linkwork.notebooks import Portrayed
 from linkwork.patience import announced
 from linkwork.robot import Robot, State
@@ -226,13 +228,45 @@ def told(problem: Solver, asked: np.ndarray, gathered: Gathered, key, tried: int
     home = key(square, robot.equations.reference[None])
     order = np.argsort(np.linalg.norm(gathered.key - home, axis=1), kind="stable")
     q = gathered.q[order]
-    states = robot.make_state(q, np.zeros((len(q), robot.mobility)))
+    given = {} if square.asked else dict(zip(square.what, asked.tolist(), strict=True))
+    states = unwound(robot, q, given)
     signs = problem.signs(q).astype(int)
     inside = np.array([not limits.passed(robot, row) for row in states.positions], bool)
     hits, first = gathered.hits[order], gathered.first[order]
     asked = square.asked.told(asked) if square.asked else asked
     count = int(hits.sum())
     return Modes(square.what, asked, states, hits, first, tried, count, signs, inside, robot)
+
+
+def unwound(robot: Robot, q: np.ndarray, asked: Mapping[str, float]) -> State:
+    """Return states at rest of configurations (N, nq), their angles within half a turn of where
+    they are at home, of what is asked of them, or of the middle of their limits.
+
+    Starts are any number of turns apart, so that solutions may be, too. Angles whose whole turns
+    open a loop (gears, screws) stay as they are.
+    """
+    goal = np.array(
+        [
+            asked.get(label, value)
+            for label, value in zip(robot.coordinates, robot.home.positions, strict=True)
+        ],
+        float,
+    )
+    for label, ends, _ in limited(robot.mechanism):
+        place = robot.coordinates.index(label)
+        if label not in asked and robot.labels.angular[place]:
+            low = -np.inf if ends.lower is None else ends.lower + np.pi
+            high = np.inf if ends.upper is None else ends.upper - np.pi
+            goal[place] = np.clip(goal[place], low, high) if low <= high else (low + high) / 2
+    # Of the tree's angles those that its loops see by sines and cosines; then of those that close.
+    q = q.copy()
+    for k in np.flatnonzero(closing(robot.chart)):
+        place = robot.coordinates.index(robot.equations.tree.coordinates[k])
+        if robot.labels.angular[place]:
+            q[:, k] -= 2 * np.pi * np.round((q[:, k] - goal[place]) / (2 * np.pi))
+    states = robot.make_state(q, np.zeros((len(q), robot.mobility)))
+    nearest = robot.labels.nearest(states.positions, np.broadcast_to(goal, states.positions.shape))
+    return replace(states, positions=nearest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,8 +341,8 @@ def by_tool(square: Square, q: np.ndarray) -> np.ndarray:
 @lru_cache(maxsize=16)
 def tool_kernel(robot: Robot) -> Kernel:
     """Return the kernel q -> position (3) and orientation (9) of the tool."""
-    equations, tool = robot.equations, next(iter(robot.mechanism.tools.values()))
-    position, orientation, _ = body_motion.tool_pose(equations.tree, tool)
+    equations = robot.equations
+    position, orientation, _ = body_motion.tool_pose(equations.tree, robot.mechanism.first_tool)
     outputs = {"position": position, "orientation": orientation}
     return compile_function(functions.function("tool", equations, outputs)).given(robot.p)
 

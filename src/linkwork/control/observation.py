@@ -249,7 +249,7 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
                 )
             return ca.det(equations.actuation)
     # The tool's pose or velocity.
-    tool = next(iter(mechanism.tools.values()))
+    tool = mechanism.first_tool
     planar = body_motion.is_planar(tree)
     if quantity.kind == "tool_pose":
         p, R, angle = body_motion.tool_pose(tree, tool)

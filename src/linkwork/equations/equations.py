@@ -35,7 +35,7 @@ from linkwork.mechanism import Mechanism
 from linkwork.mechanism.limits import meeting_name
 
 # Smallest singular value, over that at the reference, from which a configuration is not near a
-# singular one; and of one.
+# singular one (`Equations.regularity`); and of one.
 REGULAR, LOST = 0.2, 0.01
 
 
@@ -200,7 +200,12 @@ class Equations:
     def regular(self, Phi: np.ndarray) -> np.ndarray:
         """Tell whether configurations (...) are far from losing rank, compared with the
         reference."""
-        return above(self.scaled(Phi), len(self.chart.rows), REGULAR * self.smallest)
+        return above(self.scaled(Phi), len(self.chart.rows), self.regularity)
+
+    @property
+    def regularity(self) -> float:
+        """Return the smallest singular value of the scaled Phi from which on it is regular."""
+        return REGULAR * self.smallest
 
     def lost(self, Phi: np.ndarray) -> np.ndarray:
         """Tell where rank is lost (...), or all but lost: there branches of motion meet, or it

@@ -147,7 +147,7 @@ def tool_motion(equations: Equations) -> ca.Function:
     twist [omega; v], the twist and its derivative [alpha; a], and the weakest relative pivot."""
     dv = SX.sym("dv", equations.mobility)
     L, b, pivot = equations.elimination
-    tool = next(iter(equations.mechanism.tools.values()))
+    tool = equations.mechanism.first_tool
     J, bias = body_motion.tool_twist(equations.tree, tool, equations.rates)
     outputs = {
         "pose": ca.vertcat(*body_motion.tool_pose(equations.tree, tool)),
@@ -199,7 +199,6 @@ def assembly(equations: Equations) -> ca.Function:
     the angle (where planar), the Jacobian (6 x nv) and the bias (6).
     """
     tree, rates = equations.tree, equations.rows.rates
-    tool = next(iter(equations.mechanism.tools.values()), None)
     outputs = {"excess": equations.rows.excess} if equations.rows.unheld else {}
     outputs |= {
         "phi": equations.rows.phi,
@@ -213,7 +212,8 @@ def assembly(equations: Equations) -> ca.Function:
     if equations.mechanism.transmissions:
         actuators = equations.mechanism.actuators
         outputs["J_actuated"] = equations.joints.rate_rows(actuators)
-    if tool is not None:
+    if equations.mechanism.tools:
+        tool = equations.mechanism.first_tool
         J, bias = body_motion.tool_twist(tree, tool, rates)
         outputs |= body_motion.tool_pose(tree, tool)._asdict() | {"J_tool": J, "bias_tool": bias}
     return function("assembly", equations, outputs, rates=rates)

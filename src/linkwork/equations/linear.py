@@ -39,9 +39,9 @@ def derivatives(equations: Equations) -> ca.Function:
     f = equations.accelerations(applied)
     joints = ca.mtimes(equations.joints.rate_rows(), L)
     along = [ca.jtimes(ca.mtimes(S, v), tree.q, S), shifted(S, tree.q, ca.mtimes(S, v))]
-    tool = next(iter(equations.mechanism.tools.values()), None)
     T_tool = SX(0, equations.mobility)
-    if tool is not None:
+    if equations.mechanism.tools:
+        tool = equations.mechanism.first_tool
         T_tool = ca.mtimes(body_motion.tool_twist(tree, tool, SX.zeros(equations.nv))[0], L)
     outputs = {
         "Gamma": ca.mtimes(reading(equations), along[0] - along[1]),

@@ -48,7 +48,7 @@ def jacobian(robot: Robot) -> ca.Function:
     """Return q -> J row by row, pivot: x' = J v in the tool's task coordinates."""
     robot.require_tool()
     equations, task = robot.equations, task_of(robot)
-    tool = next(iter(equations.mechanism.tools.values()))
+    tool = equations.mechanism.first_tool
     twist, _ = body_motion.tool_twist(equations.tree, tool, equations.rates)
     pose = ca.vertcat(*body_motion.tool_pose(equations.tree, tool))
     E = task_map(task)(pose, SX.zeros(6))[1]

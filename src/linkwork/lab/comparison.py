@@ -200,7 +200,7 @@ def tool_poses(robot: Robot, poses: np.ndarray) -> np.ndarray:
     bodies."""
     from scipy.spatial.transform import Rotation
 
-    tool = next(iter(robot.mechanism.tools.values()))
+    tool = robot.mechanism.first_tool
     X = poses[:, robot.bodies.index(tool.body)]
     p = X[:, :3, :3] @ np.array(tool.frame.position) + X[:, :3, 3]
     R = X[:, :3, :3] @ rotation_matrix(tool.frame.rotation)

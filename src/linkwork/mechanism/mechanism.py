@@ -175,6 +175,13 @@ class Mechanism(Record, Portrayed):
         return {name: joint for name, joint in self.joints.items() if isinstance(joint, GearJoint)}
 
     @property
+    def first_tool(self) -> Tool:
+        """Return the tool that is led; refuse a mechanism that names none."""
+        if not self.tools:
+            raise MechanismError("the mechanism names no tool; add one under 'tools'")
+        return next(iter(self.tools.values()))
+
+    @property
     def coordinates(self) -> tuple[str, ...]:
         """Return the names of all joint coordinates, in the order of the joints."""
         return tuple(

@@ -347,7 +347,7 @@ def tool_rows(equations: Equations, task: Sequence[TaskCoordinate]) -> Rows:
     Where all of the rotation vector is asked for, its rows are those of the turn from the wanted
     orientation.
     """
-    tool = next(iter(equations.mechanism.tools.values()))
+    tool = equations.mechanism.first_tool
     orientation, y = body_motion.tool_pose(equations.tree, tool).orientation, SX.sym("y", len(task))
     x, _ = mapped_rows(equations, task)
     errors = [
@@ -369,7 +369,7 @@ def task_rows(equations: Equations, task: Sequence[TaskCoordinate]) -> ca.SX:
 
 def mapped_rows(equations: Equations, task: Sequence[TaskCoordinate]) -> tuple[ca.SX, ca.SX]:
     """Return x (k) and J (k x nv) of task coordinates."""
-    tool = next(iter(equations.mechanism.tools.values()))
+    tool = equations.mechanism.first_tool
     J, _ = body_motion.tool_twist(equations.tree, tool, SX.zeros(equations.nv))
     pose = ca.vertcat(*body_motion.tool_pose(equations.tree, tool))
     x, E, _ = task_map(tuple(task)).call([pose, SX.zeros(6)], True, False)

@@ -20,7 +20,6 @@ from linkwork.equations.chart import (
     unit_of,
 )
 from linkwork.equations.chart_choice import FALL, alike, size
-from linkwork.equations.equations import REGULAR
 
 MOST = 256  # orders that are kept
 
@@ -52,7 +51,7 @@ class KnownCharts:
         columns, heights = equations.sizes
         units = equations.tree.rate_units / equations.rows.units[:, None]
         self._factors = np.stack([1 / columns / heights[:, None], units])
-        self._bound, self._wanted = REGULAR * equations.smallest, np.array(preferred, int)
+        self._bound, self._wanted = equations.regularity, np.array(preferred, int)
         self._orders: list[Chart] = []
         self._seen: set[object] = set()
         self._charts: dict[tuple[int, ...], Chart] = {}

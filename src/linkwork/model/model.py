@@ -236,16 +236,15 @@ class Model:
         return state
 
     def require_tool(self) -> None:
-        if not self.mechanism.tools:
-            raise LinkworkError("the mechanism names no tool; add one under 'tools'")
+        _ = self.mechanism.first_tool
 
 
 def first_tool(equations: Equations) -> ca.Function:
     """Return q -> the first tool's pose: x, y, angle where it moves in the plane, else position and
     matrix, row by row.
     """
-    first = next(iter(equations.mechanism.tools.values()))
-    position, orientation, angle = body_motion.tool_pose(equations.tree, first)
+    tool = equations.mechanism.first_tool
+    position, orientation, angle = body_motion.tool_pose(equations.tree, tool)
     planar = body_motion.is_planar(equations.tree)
     pose = ca.vertcat(position[:2], angle) if planar else ca.vertcat(position, orientation)
     return functions.function("tool", equations, {"pose": pose})

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.equations import Equations, body_motion, functions
 from linkwork.errors import LinkworkError
-from linkwork.mechanism import Tool, TurnAbout
+from linkwork.mechanism import TurnAbout
 from linkwork.mechanism.task import NAMES, TaskCoordinate, label, labels
 from linkwork.model import checks
 from linkwork.model.asked import TWIST_ROWS, ToolAsked, long_name
@@ -33,16 +33,10 @@ STRAIGHT = 1e-6  # sine between two directions that counts as none
 TURNED = 2.0  # rotation vector [rad] up to which two of its components lead a tool
 
 
-def first_tool(robot: Model) -> Tool:
-    """Return the tool that is led."""
-    robot.require_tool()
-    return next(iter(robot.mechanism.tools.values()))
-
-
 def stated(robot: Model) -> Task:
     """Return the task that the description states of the first tool; none where it states none."""
-    tool = next(iter(robot.mechanism.tools.values()), None)
-    return (tool and tool.task) or ()
+    mechanism = robot.mechanism
+    return (mechanism.first_tool.task if mechanism.tools else None) or ()
 
 
 def freedoms(robot: Model) -> int:
@@ -245,8 +239,7 @@ def values(robot: Model, q: np.ndarray, task: Task, p: np.ndarray | None = None)
 
 def tool_frame(equations: Equations) -> ca.Function:
     """Return q -> the first tool's position, orientation row by row, and angle in the plane."""
-    tool = next(iter(equations.mechanism.tools.values()))
-    pose = ca.vertcat(*body_motion.tool_pose(equations.tree, tool))
+    pose = ca.vertcat(*body_motion.tool_pose(equations.tree, equations.mechanism.first_tool))
     return functions.function("tool_frame", equations, {"pose": pose})
 
 

@@ -317,10 +317,11 @@ class Session:
 
     def base(self) -> tuple[np.ndarray, np.ndarray]:
         """Return p_0B (3) [m] and R_0B (3, 3) of what the tool's pose is relative to."""
-        tool = next(iter(self.robot.mechanism.tools.values()), None)
-        if tool is None or tool.relative_to == GROUND:
+        mechanism = self.robot.mechanism
+        body = mechanism.first_tool.relative_to if mechanism.tools else GROUND
+        if body == GROUND:
             return np.zeros(3), np.eye(3)
-        return self.robot.body_poses(self.state)[tool.relative_to]
+        return self.robot.body_poses(self.state)[body]
 
     def forces(self) -> np.ndarray | None:
         """Return the actuators' forces [N, N m]: those of the run, or those that hold the pose;

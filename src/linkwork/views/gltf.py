@@ -213,7 +213,7 @@ def tool_path(file: Glb, robot: Robot, states: State) -> list[int]:
     """Add the path of the tool as a line, where it moves."""
     if not robot.mechanism.tools or len(states.q) < 2:
         return []
-    tool = next(iter(robot.mechanism.tools.values()))
+    tool = robot.mechanism.first_tool
     place, turn = robot.body_poses(states)[tool.body]
     points = place + turn @ np.array(tool.frame.position)
     return [file.node(name="path of the tool", mesh=file.line(points, linear(BLUE)))]
