@@ -124,3 +124,13 @@ def at(place: str) -> Iterator[None]:
         yield
     except LinkworkError as error:
         raise type(error)(f"{place}{error}") from None
+
+
+def names(values: object, what: str) -> tuple[str, ...]:
+    """Return a sequence of names; refuse what is none."""
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise LinkworkError(f"{what} is {shown(values)}; give a list of names")
+    found = tuple(values)
+    if not all(isinstance(value, str) for value in found):
+        raise LinkworkError(f"{what} is {shown(values)}; give a list of names")
+    return found

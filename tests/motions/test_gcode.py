@@ -57,6 +57,23 @@ def test_arcs_and_helices(words, centre, sweep):
     assert timed.duration == pytest.approx(alone.duration, rel=1e-9)
 
 
+@pytest.mark.parametrize(("code", "turned"), [("G18", "ZXY"), ("G19", "YZX")])
+def test_arcs_of_the_other_planes_are_those_of_xy_with_other_axes(code, turned):
+    """Right-handed in each plane: of ZX and YZ, Z and Y are the first axis."""
+    text = "F3000 G3 X-46 Y54 I-50 J4 Z7\nG2 X0 Y20 R40\nG1 Z0"
+    offsets = dict(zip("XYZ", "IJK", strict=True))
+    swaps = dict(zip("XYZIJK", [*turned, *(offsets[axis] for axis in turned)], strict=True))
+    other = "".join(swaps.get(letter, letter) for letter in text)
+    (one, x, *_), (two, y, *_) = (run(t, start=[0, 0, 0]) for t in (text, f"{code}\n{other}"))
+    assert two.duration == pytest.approx(one.duration, rel=1e-12)
+    assert y[:, ["XYZ".index(axis) for axis in turned]] == pytest.approx(x, abs=1e-12)
+
+
+def test_g3_of_the_zx_plane_turns_about_y():
+    _, x, *_ = run("G18 F3000\nG3 X50 Z0 K-50", start=[0, 0, 0.05])
+    assert x[2000] == pytest.approx([0.05 / np.sqrt(2), 0, 0.05 / np.sqrt(2)], abs=1e-12)
+
+
 def test_the_tool_goes_on_where_the_direction_does_and_slows_in_arcs():
     """Into the arc tangentially; sqrt(A r) is less than the feed there."""
     timed, _, v, a = run("G1 X50 F30000\nG3 X50 Y20 J10\nG1 X0", start=[0, 0, 0])
@@ -93,6 +110,9 @@ def test_a_planar_robot_follows_a_list():
         ("G1 X1 F1\nG1 X=3", "line 2: '=3' is not understood|line 2: 'X=3' is not understood"),
         ("G1 X1 F1\n\nG5 X3", "line 3: G5 is not known"),
         ("M6", "line 1: M6 is not known"),
+        ("M18", "line 1: M18 is not known"),
+        ("F1 G18 G3 X1 Z1 I1 J1", "line 1: J is across the plane of the arc; give K, I"),
+        ("F1 G3 X1 Y1", "line 1: an arc has a centre I, J or a radius R"),
         ("T1", "line 1: the word 'T1' is not known"),
         ("X1", "line 1: no move is chosen"),
         ("G1 X1", "line 1: G1 has no feed"),
@@ -117,6 +137,11 @@ def test_other_refusals():
         (lambda: motions.gcode(3, LIMITS), "the list is 3"),
         (lambda: motions.gcode("G1 X1 F1", LIMITS), "line 1: where the tool is at first"),
         (lambda: motions.gcode("G1 Z1 F1", LIMITS, start=[0, 0], planar=True), "has no Z"),
+        (lambda: motions.gcode("G2 K1", LIMITS, start=[0, 0], planar=True), "has no K"),
+        (
+            lambda: motions.gcode("F1 G19 G1 X1", LIMITS, start=[0, 0], planar=True),
+            "a planar list is in the plane of G17",
+        ),
         (lambda: motions.gcode("G1 Y1", LIMITS, start=[0, 0]), "the start is"),
         (
             lambda: motions.gcode("G0 X1", motions.AxisLimits(jerk=1.0), start=[0, 0, 0]),

@@ -7,6 +7,7 @@ import pytest
 
 import linkwork as lw
 from linkwork import LinkworkError, control, motions, paths
+from linkwork.motions.spline_times import spline_through
 
 from tests.catalogue import built
 
@@ -172,6 +173,38 @@ def test_orientations_take_the_short_way():
         assert np.cos(angle) == pytest.approx(np.cos(wanted), abs=1e-12)
 
 
+def test_the_least_duration_of_three_points_is_that_of_a_search_over_their_middle_time():
+    """Of two times only their ratio is free."""
+    points = np.array([[0.0, 0.0], [0.9, -0.2], [0.7, 0.5]])
+    bounds = motions.AxisLimits(speed=1.0, acceleration=2.0)
+    durations = []
+    for part in np.linspace(0.05, 0.95, 1801):
+        profile = spline_through(np.array([part, 1 - part]), points, 3)
+        speed, acceleration, _ = (profile.extremes(order).max() for order in (1, 2, 3))
+        durations.append(max(speed, np.sqrt(acceleration / 2.0)))
+    straight = motions.through(points, bounds).duration
+    least = motions.through(points, bounds, timing="least")
+    assert least.duration == pytest.approx(min(durations), rel=1e-3)
+    assert least.duration < 0.97 * straight
+
+
+@pytest.mark.parametrize("degree", [3, 5])
+def test_the_least_duration_keeps_all_limits_and_passes_the_points(degree):
+    timed = motions.through(POSES, LIMITS, degree=degree, timing="least")
+    assert kept(timed) == pytest.approx(1.0, abs=1e-9)
+    assert timed.sample(np.array(timed.passed))[0] == pytest.approx(POSES, abs=1e-12)
+    assert timed.duration <= motions.through(POSES, LIMITS, degree=degree).duration * (1 + 1e-12)
+
+
+def test_coordinates_of_the_tool_are_led_by_name(robot):
+    timed = motions.point_to_point([1.2, 0.48, 0.30], [1.25, 0.5, 0.29], LIMITS)
+    motion = motions.follow(robot, timed, what=("angle", "x", "y"), samples=21)
+    same = motions.point_to_point([0.48, 0.30, 1.2], [0.5, 0.29, 1.25], LIMITS)
+    expected = motions.follow(robot, same, samples=21)
+    assert motion.tool[:, [1, 2, 0]] == pytest.approx(expected.tool, abs=1e-12)
+    assert motion.positions == pytest.approx(expected.positions, abs=1e-12)
+
+
 def test_a_circle_is_run_through_at_limits_along_it():
     circle = paths.circle([0.48, 0.3], 0.04)
     timed = motions.along(circle, motions.AxisLimits(speed=0.2, acceleration=2.0, jerk=30.0))
@@ -233,6 +266,7 @@ def test_joints_leave_their_range_only_where_that_is_allowed(robot):
         (lambda: motions.through(POSES[:2], LIMITS), "2 points are given; give at least 3"),
         (lambda: motions.through([*POSES[:2], POSES[1]], LIMITS), "point 2 is point 1"),
         (lambda: motions.through(POSES, LIMITS, degree=4), "give 3 or 5"),
+        (lambda: motions.through(POSES, LIMITS, timing="best"), "give 'straight' or 'least'"),
         (lambda: motions.blended(POSES, LIMITS, blend=0.7), "the blend is 0.7"),
         (lambda: motions.pick_and_place(POSES[0], POSES[1], [1], LIMITS), "give 3 numbers"),
         (lambda: motions.along(paths.swing(0, 1), LIMITS), "does not move at one rate"),
@@ -256,6 +290,19 @@ def test_refusals(call, said):
 def test_what_cannot_be_followed_is_refused(made, said, robot):
     with pytest.raises(LinkworkError, match=said):
         motions.follow(robot, made(robot))
+
+
+@pytest.mark.parametrize(
+    ("ends", "what", "said"),
+    [
+        (ENDS, ("x", "y"), "the path leads the joints slide_1, slide_2, slide_3; leave what="),
+        ((POSES[0], POSES[1]), ("x", "y"), "names 2 coordinates, but the path leads 3"),
+        ((POSES[0], POSES[1]), "x", "give a list of names"),
+    ],
+)
+def test_names_that_do_not_fit_the_path_are_refused(ends, what, said, robot):
+    with pytest.raises(LinkworkError, match=said):
+        motions.follow(robot, motions.point_to_point(*ends, LIMITS), what=what)
 
 
 @pytest.mark.parametrize("count", [1, 10**9, 2.5, "x"])

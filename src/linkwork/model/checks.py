@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from linkwork.checks import at as at
 from linkwork.checks import finite, shown
 from linkwork.checks import known as known
+from linkwork.checks import names as names
 from linkwork.checks import number as number
 from linkwork.checks import positive as positive
 from linkwork.errors import LinkworkError
@@ -36,16 +37,6 @@ def together(*shapes: tuple[int, ...]) -> tuple[int, ...]:
         raise LinkworkError(
             f"stacks of the shapes {lengths} do not fit together; give equal ones, or one of each"
         ) from None
-
-
-def names(values: object, what: str) -> tuple[str, ...]:
-    """Return a sequence of names; refuse what is none."""
-    if isinstance(values, str) or not isinstance(values, Iterable):
-        raise LinkworkError(f"{what} is {shown(values)}; give a list of names")
-    found = tuple(values)
-    if not all(isinstance(value, str) for value in found):
-        raise LinkworkError(f"{what} is {shown(values)}; give a list of names")
-    return found
 
 
 def values_by_name(

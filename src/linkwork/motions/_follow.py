@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -23,6 +24,7 @@ def follow(
     samples: int = 101,
     guess: State | None = None,
     keep_limits: bool = True,
+    what: Sequence[str] | None = None,
 ) -> Motion:
     """Lead a robot along a timed path: positions, rates and accelerations of all joints.
 
@@ -37,6 +39,8 @@ def follow(
         samples: number of equally spaced times from 0 to T.
         guess: a state on the wanted branch, near the first point; `home` if left out.
         keep_limits: refuse a motion that leaves the range of a joint.
+        what: names of the coordinates of the tool that the path leads, as `Robot.follow` takes
+            them; those of its `task`, or of its pose, if left out.
 
     Returns:
         A `Motion`, for `robot.inverse_dynamics`, controllers, plots and tables.
@@ -53,11 +57,13 @@ def follow(
     if not isinstance(robot, Robot):
         raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
     samples = sample_count(samples)
-    require_points(robot, timed, guess)
+    if what is not None:
+        what = names_of(timed, what)
+    require_points(robot, timed, guess, what)
     if timed.names:
         motion = of_joints(robot, timed, samples, guess)
     else:
-        motion = robot.follow(timed.path, timed.duration, samples=samples, guess=guess)
+        motion = robot.follow(timed.path, timed.duration, samples=samples, guess=guess, what=what)
     if keep_limits and (beyond := limits.passed(robot, motion.positions, motion.time)):
         raise LinkworkError(
             f"{beyond[0]}; move the points, or allow it by follow(..., keep_limits=False)"
@@ -65,7 +71,25 @@ def follow(
     return motion
 
 
-def require_points(robot: Robot, timed: TimedPath, guess: State | None) -> None:
+def names_of(timed: TimedPath, what: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the tool's coordinates; refuse another number of them than the path
+    has, and any for a path of joints."""
+    told = checks.names(what, "what")
+    if timed.names:
+        raise LinkworkError(
+            f"the path leads the joints {', '.join(timed.names)}; leave what={checks.shown(what)} "
+            "out, or give a path of the tool"
+        )
+    if len(told) != (size := timed.sample(np.zeros(1))[0].shape[1]):
+        raise LinkworkError(
+            f"what={checks.shown(what)} names {len(told)} coordinates, but the path leads {size}"
+        )
+    return told
+
+
+def require_points(
+    robot: Robot, timed: TimedPath, guess: State | None, what: Sequence[str] | None
+) -> None:
     """Refuse points of the path that are out of reach, by their number, going from one to the
     next."""
     if timed.names:
@@ -75,7 +99,7 @@ def require_points(robot: Robot, timed: TimedPath, guess: State | None) -> None:
     points = timed.sample(np.array(timed.passed))[0]
     for k, (time, point) in enumerate(zip(timed.passed, points, strict=True)):
         with checks.at(f"point {k} (t = {time:.6g} s): "):
-            guess = placed(robot, timed.names, point, guess)
+            guess = placed(robot, timed.names, point, guess, what)
 
 
 def require_joints(robot: Robot, names: tuple[str, ...]) -> None:
@@ -94,10 +118,17 @@ def require_joints(robot: Robot, names: tuple[str, ...]) -> None:
         )
 
 
-def placed(robot: Robot, names: tuple[str, ...], point: np.ndarray, guess: State | None) -> State:
+def placed(
+    robot: Robot,
+    names: tuple[str, ...],
+    point: np.ndarray,
+    guess: State | None,
+    what: Sequence[str] | None = None,
+) -> State:
     """Return the state at joint coordinates by name, or at a pose of the tool."""
     if not names:
-        return robot.assemble(tool=point, guess=guess)
+        led = point if what is None else dict(zip(what, point.tolist(), strict=True))
+        return robot.assemble(tool=led, guess=guess)
     return robot.assemble(dict(zip(names, point.tolist(), strict=True)), guess=guess)
 
 

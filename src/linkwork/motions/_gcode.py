@@ -1,10 +1,12 @@
 """Lists of moves as machine tools take them: lines and arcs, one after the other, with a feed.
 
 A line of the list has words of a letter and a number. Known are G0 (as fast as the limits allow),
-G1 (straight, with the feed F), G2 and G3 (arcs in the xy plane, clockwise and counter-clockwise, to
-X, Y with the centre at I, J from the start or with the radius R; with Z a helix), G17, G20, G21
-(inches, millimetres; these at first), G61, G90, G91 (absolute, relative; absolute at first), F per
-minute, N, M2 and M30 (the end). Text in parentheses or after a semicolon is a comment.
+G1 (straight, with the feed F), G2 and G3 (arcs, clockwise and counter-clockwise, seen from the tip
+of the axis that they turn about, with the centre at I, J, K along X, Y, Z from the start or with
+the radius R; a helix where the end lies out of their plane), G17, G18, G19 (their plane: XY, at
+first, ZX, YZ), G20, G21 (inches, millimetres; these at first), G61, G90, G91 (absolute, relative;
+absolute at first), F per minute, N, M2 and M30 (the end). Text in parentheses or after a semicolon
+is a comment.
 """
 
 from __future__ import annotations
@@ -25,8 +27,10 @@ from linkwork.motions.timed_paths import TimedPath, lawful, limits_of
 from linkwork.paths import Path, Triple, finite
 
 AXES = ("X", "Y", "Z")
+OFFSETS = ("I", "J", "K")  # of an arc's centre, along these axes
+PLANES = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}  # of arcs: their axes, and that about which
 UNITS = {20: 0.0254, 21: 1e-3}
-SILENT = (17, 61)  # codes that say what holds anyway
+SILENT = (61,)  # codes that say what holds anyway
 MINUTE = 60.0
 WORD = re.compile(r"([A-Za-z])\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*")
 COMMENT = re.compile(r"\([^)]*\)|;.*")
@@ -38,10 +42,10 @@ SMOOTH = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class FedMove:
-    """Hold a line, or an arc about a vertical axis, run through at a feed.
+    """Hold a line, or an arc in a plane of two axes, run through at a feed.
 
-    start, end: (3,) [m]; feed: [m/s]; centre: (2,) [m], and sweep [rad] of an arc; number: of its
-        line in the list
+    start, end: (3,) [m]; feed: [m/s]; number: of its line in the list
+    centre: (2,) [m], sweep [rad] and plane of an arc: the two axes, and the one that it turns about
     """
 
     start: np.ndarray
@@ -50,18 +54,27 @@ class FedMove:
     number: int
     centre: np.ndarray | None = None
     sweep: float = 0.0
+    plane: tuple[int, int, int] = PLANES[17]
+
+    @property
+    def across(self) -> list[int]:
+        """Return the two axes of the plane of an arc."""
+        return [*self.plane[:2]]
 
     @property
     def radius(self) -> float:
         """Return the radius of an arc [m], infinite of a line."""
-        return inf if self.centre is None else float(np.hypot(*(self.start[:2] - self.centre)))
+        if self.centre is None:
+            return inf
+        return float(np.hypot(*(self.start[self.across] - self.centre)))
 
     @property
     def length(self) -> float:
         """Return the way along it [m]."""
         if self.centre is None:
             return float(np.linalg.norm(self.end - self.start))
-        return sqrt((self.radius * self.sweep) ** 2 + (self.end[2] - self.start[2]) ** 2)
+        climb = (self.end - self.start)[self.plane[2]]
+        return sqrt((self.radius * self.sweep) ** 2 + climb**2)
 
     @property
     def bend(self) -> float:
@@ -75,12 +88,12 @@ class FedMove:
         x, d = self.start + part * change, np.ones_like(part) * change / self.length
         if self.centre is None:
             return x, d, 0 * d
-        a = self.start[:2] - self.centre
+        a = self.start[self.across] - self.centre
         b, rate = np.array([-a[1], a[0]]), self.sweep / self.length
         c, n, dd = np.cos(part * self.sweep), np.sin(part * self.sweep), 0 * d
-        x[:, :2] = self.centre + c * a + n * b
-        d[:, :2] = rate * (c * b - n * a)
-        dd[:, :2] = -(rate**2) * (c * a + n * b)
+        x[:, self.across] = self.centre + c * a + n * b
+        d[:, self.across] = rate * (c * b - n * a)
+        dd[:, self.across] = -(rate**2) * (c * a + n * b)
         return x, d, dd
 
 
@@ -100,7 +113,8 @@ def gcode(
     limit, too.
 
     Args:
-        text: the list: G0 to G3 with X, Y, Z, I, J, R; F in mm/min; G20, G21, G90, G91; N, M2, M30.
+        text: the list: G0 to G3 with X, Y, Z, I, J, K, R; F in mm/min; G17 to G21, G90, G91; N, M2,
+            M30.
         limits: of the speed along the way [m/s], which feeds are kept below and G0 takes, and of
             the acceleration and jerk along it.
         start: where the tool is at first, (x, y) or (x, y, z) [m]; left out: where the first move
@@ -189,13 +203,14 @@ def goes_on(before: FedMove, after: FedMove) -> bool:
 class ModalState:
     """Hold what a list has said until now.
 
-    move: 0 to 3; scale: [m] of a unit; relative; feed: units per minute
+    move: 0 to 3; scale: [m] of a unit; relative; feed: units per minute; plane: of arcs
     """
 
     move: int | None = None
     scale: float = UNITS[21]
     relative: bool = False
     feed: float | None = None
+    plane: tuple[int, int, int] = PLANES[17]
 
 
 def read(text: str, at: np.ndarray | None, fastest: float, planar: bool) -> Iterator[FedMove]:
@@ -207,10 +222,12 @@ def read(text: str, at: np.ndarray | None, fastest: float, planar: bool) -> Iter
             modes, ended = said(modes, codes, words)
             if ended:
                 return
-            if not {*words} & {*AXES, "I", "J", "R"}:
+            if not {*words} & {*AXES, *OFFSETS, "R"}:
                 continue
-            if planar and "Z" in words:
-                raise LinkworkError("a planar list has no Z; leave it out")
+            if planar and (extra := sorted({*words} & {"K", "Z"})):
+                raise LinkworkError(f"a planar list has no {extra[0]}; leave it out")
+            if planar and modes.plane != PLANES[17]:
+                raise LinkworkError("a planar list is in the plane of G17; leave G18 and G19 out")
             if at is None:
                 at = first_point(modes, words, planar)
                 continue
@@ -234,7 +251,7 @@ def words_of(line: str) -> tuple[list[tuple[str, float]], dict[str, float]]:
         place = found.end()
         if letter in "GM":
             codes.append((letter, value))
-        elif letter not in (*AXES, "I", "J", "R", "F", "N"):
+        elif letter not in (*AXES, *OFFSETS, "R", "F", "N"):
             raise LinkworkError(f"the word {found[0].strip()!r} is not known; leave it out")
         elif letter in words:
             raise LinkworkError(f"{letter} is given twice; give it once")
@@ -253,14 +270,16 @@ def said(
             ended = True
         elif letter == "G" and value in (0, 1, 2, 3):
             modes = replace(modes, move=int(value))
+        elif letter == "G" and value in PLANES:
+            modes = replace(modes, plane=PLANES[int(value)])
         elif letter == "G" and value in UNITS:
             modes = replace(modes, scale=UNITS[int(value)])
         elif letter == "G" and value in (90, 91):
             modes = replace(modes, relative=value == 91)
         elif letter == "M" or value not in SILENT:
             raise LinkworkError(
-                f"{letter}{value:g} is not known; there are G0 to G3, G17, G20, G21, G61, G90, "
-                "G91, M2 and M30"
+                f"{letter}{value:g} is not known; there are G0 to G3, G17 to G21, G61, G90, G91, "
+                "M2 and M30"
             )
     if "F" in words:
         modes = replace(modes, feed=checks.positive(words["F"], "the feed F"))
@@ -295,7 +314,7 @@ def fed_move(
     elif not isfinite(fastest):
         raise LinkworkError("G0 is as fast as the limit of the speed; give one")
     if modes.move < 2:
-        if extra := sorted({*words} & {"I", "J", "R"}):
+        if extra := sorted({*words} & {*OFFSETS, "R"}):
             raise LinkworkError(f"{extra[0]} belongs to arcs; give G2 or G3")
         return FedMove(at, end, feed, number) if (end != at).any() else None
     return arc(modes, words, FedMove(at, end, feed, number))
@@ -303,25 +322,30 @@ def fed_move(
 
 def arc(modes: ModalState, words: dict[str, float], line: FedMove) -> FedMove:
     """Return the arc from the start of a line to its end."""
-    sense = 1.0 if modes.move == 3 else -1.0
-    a, chord = line.start[:2], (line.end - line.start)[:2]
+    sense, plane = 1.0 if modes.move == 3 else -1.0, [*modes.plane[:2]]
+    a, chord = line.start[plane], (line.end - line.start)[plane]
     way = float(np.hypot(*chord))
-    if ("R" in words) == bool({"I", "J"} & {*words}):
-        raise LinkworkError("an arc has a centre I, J or a radius R; give one of the two")
+    own = [OFFSETS[axis] for axis in plane]
+    if strange := sorted({*OFFSETS} - {*own} & {*words}):
+        raise LinkworkError(f"{strange[0]} is across the plane of the arc; give {', '.join(own)}")
+    if ("R" in words) == bool({*own} & {*words}):
+        raise LinkworkError(
+            f"an arc has a centre {', '.join(own)} or a radius R; give one of the two"
+        )
     across = np.array([-chord[1], chord[0]]) / way if way else np.zeros(2)
     if "R" in words:
         r = modes.scale * words["R"]
         if not way > 0 or abs(r) < way / 2 * (1 - ON_CIRCLE):
             raise LinkworkError(
                 f"no arc of the radius R = {words['R']:g} leads from the start to an end "
-                f"{way / modes.scale:g} away; give a larger one, or I, J"
+                f"{way / modes.scale:g} away; give a larger one, or {', '.join(own)}"
             )
         # Of the two centres the one to the left where the shorter arc turns left.
         side = sense * np.sign(r) * sqrt(max(0.0, r**2 - way**2 / 4))
         centre = a + chord / 2 + side * across
     else:
-        offset = modes.scale * np.array([words.get("I", 0.0), words.get("J", 0.0)])
-        radii = np.hypot(*offset), np.hypot(*(a + offset - line.end[:2]))
+        offset = modes.scale * np.array([words.get(name, 0.0) for name in own])
+        radii = np.hypot(*offset), np.hypot(*(a + offset - line.end[plane]))
         if not min(radii) > 0 or abs(radii[1] - radii[0]) > ON_CIRCLE * max(radii):
             raise LinkworkError(
                 f"the start is {radii[0] / modes.scale:g} from the centre and the end "
@@ -330,7 +354,8 @@ def arc(modes: ModalState, words: dict[str, float], line: FedMove) -> FedMove:
         # Numbers of lists are rounded: the nearest centre as far from both.
         off = (offset - chord / 2) @ chord / way**2 if way else 0.0
         centre = a + offset - off * chord
-    u, w = a - centre, line.end[:2] - centre
+    u, w = a - centre, line.end[plane] - centre
     angle = np.arctan2(u[0] * w[1] - u[1] * w[0], u @ w)
     sweep = sense * ((sense * angle) % (2 * np.pi)) if way else 0.0
-    return replace(line, centre=centre, sweep=sweep or sense * 2 * np.pi)
+    sweep = sweep or sense * 2 * np.pi
+    return replace(line, centre=centre, sweep=sweep, plane=modes.plane)

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import factorial, inf
-from typing import Any, Self
+from math import inf
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,7 @@ from linkwork.errors import LinkworkError
 from linkwork.model.state import State
 from linkwork.motions.laws import KINDS, AxisLimits, MotionLaw, law_of
 from linkwork.motions.profiles import Profile, side_by_side, superposed
+from linkwork.motions.spline_times import least_times, spline_through
 from linkwork.paths import Path, Triple, uniform
 from linkwork.simulation import Sampled, Signal, as_signal
 
@@ -173,28 +174,34 @@ def through(
     limits: AxisLimits,
     *,
     degree: int = 3,
+    timing: Literal["straight", "least"] = "straight",
 ) -> TimedPath:
     """Go through points by one spline, from rest to rest, as fast as limits allow it.
 
     The times between points are in the proportion in which straight ways between them, at the
-    limits, would take; their scale is the least that keeps all limits, of the exact extremes of the
-    spline's derivatives.
+    limits, would take, or those of the least sum; their scale is the least that keeps all limits,
+    of the exact extremes of the spline's derivatives.
+
     Args:
         points: three or more, each as for `point_to_point`; orientations of spatial poses by the
             rotation vectors nearest to each other.
         limits: of each coordinate.
         degree: 3: continuous accelerations; 5: continuous jerk, and no acceleration at the ends.
+        timing: of the points: in the proportion of "straight" ways, or the "least" duration, found
+            by descent from there (seconds for tens of points; a local minimum).
 
     Raises:
         LinkworkError: fewer than three points, points that follow each other and are equal, another
-            degree; a limit of the jerk for what is no limit of it.
-    """
-    from scipy.interpolate import make_interp_spline
+            degree or timing; a limit of the jerk for what is no limit of it.
 
+    Source: of the least duration, Lin, Chang & Luh, IEEE Trans. Automatic Control 28 (1983) 1066.
+    """
     names, values = points_of(points, at_least=3)
     allowed = limits_of(limits).of(names, values.shape[1])
     if degree not in (3, 5):
         raise LinkworkError(f"the degree of the spline is {checks.shown(degree)}; give 3 or 5")
+    if timing not in ("straight", "least"):
+        raise LinkworkError(f"the timing is {checks.shown(timing)}; give 'straight' or 'least'")
     # Times between points, in proportion.
     change = np.abs(np.diff(values, axis=0))
     require_moving(change)
@@ -205,12 +212,10 @@ def through(
             f"nothing limits the way from point {int(np.argmin(times))} to the next one; limit the "
             "coordinates that change there"
         )
-    knots = np.concatenate([[0.0], np.cumsum(times)])
+    if timing == "least":
+        times = least_times(times, values, allowed, degree)
     # The spline, and the least scale.
-    still = [(order, np.zeros(values.shape[1])) for order in range(1, (degree + 1) // 2)]
-    spline = make_interp_spline(knots, values, k=degree, bc_type=(still, still))
-    rows = [spline(knots[:-1], order) / factorial(order) for order in range(degree + 1)]
-    profile = Profile(knots, np.stack(rows, axis=1))
+    profile = spline_through(times, values, degree)
     profile = profile.slowed(needed(profile, allowed))
     return TimedPath.of(profile, names, profile.knots.tolist())
 
