@@ -7,13 +7,15 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
+from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from linkwork.export import CExport
-from linkwork.export.calls import CALLS
+from linkwork.export.calls import CALLS, Argument
 from linkwork.export.layout import layouts
 from linkwork.kernels.machine import this_machine
 from linkwork.robot import Robot
@@ -60,16 +62,48 @@ class Library:
         self.name, self.layouts = export.name, layouts(robot)
         self.real = np.float32 if "typedef float" in export.files[f"{export.name}.h"] else float
 
-    def __call__(self, name: str, *given: np.ndarray) -> tuple[int, list[np.ndarray]]:
-        """Call a function; return its status and what it gives. Free numbers are its last input."""
-        outputs = [
-            np.full(int(np.prod([len(self.layouts[size]) for size in each.sizes])), 7e77, float)
-            if self.real is float
-            else np.empty(int(np.prod([len(self.layouts[size]) for size in each.sizes])), self.real)
-            for each in CALLS[name].arguments
-            if each.role == "out"
-        ]
-        arrays = [np.ascontiguousarray(each, self.real) for each in given] + outputs
+    def __call__(self, name: str, *given: object) -> tuple[int, list[Any]]:
+        """Call a function; return its status and what it gives or changes. Free numbers follow what
+        it takes, then what it changes."""
+        arguments = [each for each in CALLS[name].arguments if each.role != "out"]
+        taken = iter(given)
+        ins = [self._given(next(taken), each) for each in arguments if each.role == "in"]
+        count = len(given) - len(arguments)
+        free = [np.ascontiguousarray(next(taken), self.real) for _ in range(count)]
+        changed = [self._changed(next(taken), each) for each in arguments if each.role == "inout"]
+        outs = [self._empty(each) for each in CALLS[name].arguments if each.role == "out"]
         function = getattr(self.own, f"{self.name}_{name}")
-        status = function(*(each.ctypes.data_as(ctypes.c_void_p) for each in arrays))
-        return status, outputs
+        status = function(*map(pointer, [*ins, *free, *changed, *outs]))
+        return status, [*changed, *outs]
+
+    def _given(self, value: Any, argument: Argument) -> Any:
+        kind = ctypes.c_double if self.real is float else ctypes.c_float
+        if not argument.sizes:
+            return kind(value)
+        return np.ascontiguousarray(value, self.real)
+
+    def _changed(self, value: Any, argument: Argument) -> Any:
+        return value if argument.kind == "state" else np.array(value, self.real)
+
+    def _empty(self, argument: Argument) -> Any:
+        if argument.kind == "state":
+            return self.state()
+        return np.empty(
+            int(np.prod([len(self.layouts[size]) for size in argument.sizes])), self.real
+        )
+
+    @cached_property
+    def state(self) -> type[ctypes.Structure]:
+        """The structure of a state."""
+        kind = ctypes.c_double if self.real is float else ctypes.c_float
+        q, w = kind * len(self.layouts["Q"]), kind * len(self.layouts["W"])
+        numbers = [("t", kind), ("q", q), ("w", w), ("next", kind)]
+        fields = [*numbers, ("own", ctypes.c_int), ("changes", ctypes.c_int)]
+        return type("State", (ctypes.Structure,), {"_fields_": fields})
+
+
+def pointer(value: object) -> object:
+    """Return what C is given for a value."""
+    if isinstance(value, np.ndarray):
+        return value.ctypes.data_as(ctypes.c_void_p)
+    return ctypes.byref(value) if isinstance(value, ctypes.Structure) else value

@@ -10,12 +10,13 @@ from typing import Literal
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
-from linkwork.export.calls import CALLS
+from linkwork.export.calls import CALLS, OTHER_CHARTS, PIECES, Call
 from linkwork.export.header import header_text
 from linkwork.export.identifiers import given_prefix, identifiers, prefix
 from linkwork.export.layout import ArrayLayout, layouts
 from linkwork.export.source import source_text
 from linkwork.export.statements import Dialect, Precision, Sines
+from linkwork.kernels.program import Program
 from linkwork.model.checks import names
 from linkwork.patience import announced
 from linkwork.robot import Robot
@@ -122,29 +123,47 @@ def written(
     # The functions that there are, and why others are not.
     wanted = FUNCTIONS if functions is None else names(functions, "functions")
     checks.known(wanted, FUNCTIONS, "function of an export")
-    own, arrays, notes, programs = "", layouts(robot), [], {}
-    for each in FUNCTIONS:
-        if each not in wanted:
-            continue
+    calls: list[Call] = []
+    programs: dict[str, Program] = {}
+    notes: list[str] = []
+    for each in FUNCTIONS if wanted is FUNCTIONS else with_start(wanted):
         try:
-            programs[each] = CALLS[each], CALLS[each].program(robot, free)
+            made = programs_of(robot, CALLS[each], free, programs)
         except LinkworkError as error:
             if functions is not None:
                 raise
             notes.append(f"{each} is left out: {error}")
+            continue
+        calls.append(CALLS[each])
+        programs |= made
     # Names that C cannot hold.
+    arrays = layouts(robot)
     own = prefix(robot.mechanism.name) if name is None else given_prefix(name)
     fields = identifiers(robot.parameters if free else ())
     notes += [*mapped_names(arrays), *(f"{path} is {c} in C" for path, c in fields.items())]
-    values = {path: (field, robot.parameters[path]) for path, field in fields.items()}
     # The files.
-    title = f'"{robot.mechanism.name}"'
-    calls = [call for call, _ in programs.values()]
-    header = header_text(title, arrays, calls, fields, notes, dialect.precision)
-    home = robot.home.q.tolist()
-    source = source_text(title, dialect, arrays, programs, values, home, notes)
+    header = header_text(robot, arrays, calls, fields, notes, dialect.precision)
+    source = source_text(robot, dialect, arrays, calls, programs, fields, notes)
     files = {f"{own}.h": named(header, own), f"{own}.c": named(source, own)}
-    return CExport(own, files, tuple(programs), tuple(notes))
+    return CExport(own, files, tuple(call.name for call in calls), tuple(notes))
+
+
+def with_start(wanted: Sequence[str]) -> list[str]:
+    """Return the functions that are wanted, in their order, with what begins a motion where it goes
+    on."""
+    needed = {*wanted} | ({"start"} if {"step", "step_rk4"} & {*wanted} else set())
+    return [each for each in FUNCTIONS if each in needed]
+
+
+def programs_of(
+    robot: Robot, call: Call, free: bool, known: Mapping[str, Program]
+) -> dict[str, Program]:
+    """Return the programs that a function needs and that are not known yet; refuse what the robot
+    cannot have. Other charts are there where there are loops."""
+    call.refuse(robot)
+    closed = robot.mobility < robot.equations.nv
+    needed = [each for each in call.needs if closed or each not in OTHER_CHARTS]
+    return {each: PIECES[each].program(robot, free) for each in needed if each not in known}
 
 
 def mapped_names(arrays: Mapping[str, ArrayLayout]) -> list[str]:

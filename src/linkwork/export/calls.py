@@ -1,4 +1,9 @@
-"""The functions of an export: what each takes, gives and means, and its program."""
+"""The functions of an export: what each takes, gives and means, and the programs that it needs.
+
+A program is written as a static function "NAME_code". A `Call` without a body of its own calls the
+program of its name and judges what that gave; the others are pieces of C (`templates`) that call
+programs, too.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +14,7 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
+from linkwork.equations import uncharted
 from linkwork.export import expressions
 from linkwork.kernels.program import Operation, Program, trace
 from linkwork.kernels.simplify import simplify
@@ -16,42 +22,90 @@ from linkwork.robot import Robot
 
 
 @dataclass(frozen=True)
-class Argument:
-    """Name an array that a function takes or gives.
+class PartProgram:
+    """Describe a program: its CasADi function, whose last input is p, and the names of its inputs
+    and outputs in C."""
 
-    sizes: of what its dimensions are, by the symbols of `layout`; 1 for a number alone
+    make: Callable[[Robot], ca.Function]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    def program(self, robot: Robot, free: bool) -> Program:
+        """Return what it computes, with the free numbers as an input or as constants."""
+        return program_of(self.make(robot), self.inputs, self.outputs, robot.p, free)
+
+
+@dataclass(frozen=True)
+class Argument:
+    """Name what a function takes or gives: an array, a number alone, or the state of a motion.
+
+    sizes: of what its dimensions are, by the symbols of `layout`; none for a number
     """
 
     name: str
     sizes: tuple[str, ...]
-    role: Literal["in", "out"]
+    role: Literal["in", "inout", "out"]
     meaning: str
+    kind: Literal["real", "state"] = "real"
 
 
 @dataclass(frozen=True)
 class Call:
-    """Describe a function that is written straight from a program.
+    """Describe a function of the header.
 
-    says: what it does; make: its CasADi function; finite: the array that has to be finite; pivot:
-    whether its last output is the weakest relative pivot
+    says: what it does; body: its piece of C; pieces: the programs that it needs; refuse: raises
+    where a robot cannot have it
     """
 
     name: str
     says: str
     arguments: tuple[Argument, ...]
-    make: Callable[[Robot], ca.Function]
-    finite: str
-    pivot: bool = True
+    body: str | None = None
+    pieces: tuple[str, ...] = ()
+    refuse: Callable[[Robot], object] = lambda robot: None
 
-    def program(self, robot: Robot, free: bool) -> Program:
-        """Return what it computes, with the free numbers as an input or as constants."""
-        return program_of(self.make(robot), self.arguments, robot.p, free)
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The names of its programs."""
+        return self.pieces or (self.name,)
 
+
+PIECES: Mapping[str, PartProgram] = {
+    "motion": PartProgram(expressions.motion, ("q", "v", "u"), ("dq", "dv", "pivot")),
+    "inverse_dynamics": PartProgram(expressions.inverse_dynamics, ("q", "v", "dv"), ("u", "pivot")),
+    "mass_matrix": PartProgram(expressions.mass_matrix, ("q",), ("M", "pivot")),
+    "jacobian": PartProgram(expressions.jacobian, ("q",), ("J", "pivot")),
+    "closure": PartProgram(expressions.closure, ("q",), ("phi", "gap")),
+    "closing": PartProgram(expressions.closing, ("q",), ("next", "gap", "length", "pivot")),
+    "approaching": PartProgram(
+        expressions.approaching, ("q", "x", "left"), ("next", "gap", "length", "pivot", "error")
+    ),
+    "positions": PartProgram(expressions.positions, ("q",), ("positions",)),
+    "pose": PartProgram(expressions.pose, ("q",), ("pose",)),
+    "rates": PartProgram(expressions.rates, ("q", "v"), ("w", "pivot")),
+    "free_closure": PartProgram(
+        lambda robot: uncharted.closure(robot.equations), ("q",), ("phi", "Phi", "gap")
+    ),
+    "free_forces": PartProgram(
+        lambda robot: uncharted.forces(robot.equations),
+        ("q", "w", "u"),
+        ("dq", "H", "forces", "gamma"),
+    ),
+    "free_moved": PartProgram(
+        lambda robot: uncharted.moved(robot.equations), ("q", "s"), ("next",)
+    ),
+}
 
 Q = Argument("q", ("Q",), "in", "configuration, with its loops closed")
 V = Argument("v", ("V",), "in", "independent rates")
 DV = Argument("dv", ("V",), "in", "independent accelerations")
 U = Argument("u", ("U",), "in", "forces of the actuators")
+GUESS = Argument("q", ("Q",), "inout", "a configuration nearby; becomes the one that is found")
+POSITIONS = Argument("positions", ("JOINTS",), "out", "coordinates of all joints")
+DT = Argument("dt", (), "in", "length of the step [s]")
+STATE = Argument("state", (), "inout", "state of the motion", "state")
+STEPS = "motion", "closing", "rates"
+OTHER_CHARTS = "free_closure", "free_forces", "free_moved"
 
 CALLS: Mapping[str, Call] = {
     call.name: call
@@ -64,31 +118,23 @@ CALLS: Mapping[str, Call] = {
                 Argument("dq", ("Q",), "out", "rates of change of q"),
                 Argument("dv", ("V",), "out", "independent accelerations"),
             ),
-            expressions.motion,
-            "dv",
         ),
         Call(
             "inverse_dynamics",
             "Inverse dynamics: the forces of the actuators that give the accelerations dv; with "
             "more actuators than freedoms those of least sum of squares.",
             (*(Q, V, DV), Argument("u", ("U",), "out", "forces of the actuators")),
-            expressions.inverse_dynamics,
-            "u",
         ),
         Call(
             "mass_matrix",
             "Generalised inertia M in the independent rates.",
             (Q, Argument("M", ("V", "V"), "out", "inertia, row by row")),
-            expressions.mass_matrix,
-            "M",
         ),
         Call(
             "jacobian",
             "Task Jacobian J of the tool: x' = J v; of rx, ry, rz together the rows are those of "
             "the angular velocity.",
             (Q, Argument("J", ("X", "V"), "out", "Jacobian, row by row")),
-            expressions.jacobian,
-            "J",
         ),
         Call(
             "closure",
@@ -98,33 +144,93 @@ CALLS: Mapping[str, Call] = {
                 Argument("phi", ("PHI",), "out", "closure rows"),
                 Argument("gap", (), "out", "largest |phi|, lengths over the mechanism's own"),
             ),
-            expressions.closure,
-            "gap",
-            pivot=False,
+        ),
+        Call(
+            "project",
+            "Close the loops by Newton's method, with the independent coordinates as they are.",
+            (GUESS, Argument("gap", (), "out", "largest |phi| that is left")),
+            "project.c",
+            ("closing",),
+        ),
+        Call(
+            "kinematics",
+            "Direct kinematics: all joints and the tool from the independent coordinates, on the "
+            "branch of a configuration nearby: by Newton's method, in shorter steps where it has "
+            "to be; q stays as it is where no way leads there.",
+            (
+                Argument("a", ("A",), "in", "independent coordinates"),
+                *(GUESS, POSITIONS),
+                Argument("pose", ("POSE",), "out", "pose of the tool"),
+            ),
+            "kinematics.c",
+            ("closing", "positions", "pose"),
+            expressions.require_single,
+        ),
+        Call(
+            "tool_to_joints",
+            "Inverse kinematics: all joints from the tool's task coordinates, on the working mode "
+            "of a configuration nearby: as in kinematics, with the tool led straight.",
+            (Argument("x", ("X",), "in", "task coordinates of the tool"), GUESS, POSITIONS),
+            "tool_to_joints.c",
+            ("approaching", "positions"),
+        ),
+        Call(
+            "start",
+            "Begin a motion at a configuration, whose loops are closed, with independent rates.",
+            (Q, V, replace(STATE, role="out")),
+            "start.c",
+            STEPS,
+            expressions.require_no_bristles,
+        ),
+        Call(
+            "step_rk4",
+            "One step of the classical Runge-Kutta method of order 4 with constant forces, after "
+            "which the loops are closed. Where the independent rates hardly determine the motion "
+            "the step is made in others; the state stays as it is where none do.",
+            (U, DT, STATE),
+            "step_rk4.c",
+            (*STEPS, *OTHER_CHARTS),
+            expressions.require_no_bristles,
+        ),
+        Call(
+            "step",
+            "The same by as many steps of the method of Dormand and Prince as the tolerances need, "
+            "at most LW_MOST_STEPS; where it fails the state is where it came to.",
+            (
+                *(U, DT),
+                Argument("rtol", (), "in", "error of a step, relative to each number"),
+                Argument(
+                    "atol",
+                    (),
+                    "in",
+                    "the same, absolute [rad, rad/s]; of lengths over the mechanism's own",
+                ),
+                STATE,
+            ),
+            "step.c",
+            (*STEPS, *OTHER_CHARTS),
+            expressions.require_no_bristles,
         ),
     )
 }
 
 
 def program_of(
-    f: ca.Function, arguments: tuple[Argument, ...], p: np.ndarray, free: bool
+    f: ca.Function, inputs: tuple[str, ...], outputs: tuple[str, ...], p: np.ndarray, free: bool
 ) -> Program:
-    """Return the program of a function whose last input is p, with inputs and outputs named as the
-    arguments are; constants in place of p, but where it is free."""
+    """Return the program of a function whose last input is p, with other names; constants in place
+    of p, but where it is free."""
     traced = trace(f)
-    inputs, outputs = traced.inputs[:-1], traced.outputs
-    names = {role: [each.name for each in arguments if each.role == role] for role in ("in", "out")}
-    names["out"] += ["pivot"] * (len(outputs) - len(names["out"]))
-    size = sum(count for _, count in inputs)
+    own = [(name, size) for name, (_, size) in zip(inputs, traced.inputs[:-1], strict=True)]
+    gives = [(name, size) for name, (_, size) in zip(outputs, traced.outputs, strict=True)]
+    first = sum(size for _, size in own)
     nodes = traced.nodes
     if not free:
         nodes = tuple(
-            Operation("const", (), float(p[int(node.value) - size]))
-            if node.op == "input" and node.value >= size
+            Operation("const", (), float(p[int(node.value) - first]))
+            if node.op == "input" and node.value >= first
             else node
             for node in nodes
         )
-    own = [(name, count) for name, (_, count) in zip(names["in"], inputs, strict=True)]
     given = [*own, *(traced.inputs[-1:] if free else ())]
-    gives = [(name, count) for name, (_, count) in zip(names["out"], outputs, strict=True)]
     return simplify(replace(traced, inputs=tuple(given), outputs=tuple(gives), nodes=nodes))

@@ -6,15 +6,26 @@ are row by row, as arrays of C are.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import prod
+
 import casadi as ca
 import numpy as np
 
 from linkwork.equations import body_motion, functions
-from linkwork.equations.algebra import SX
+from linkwork.equations.algebra import SX, matrix_quaternion
+from linkwork.equations.chart import Chart
+from linkwork.equations.effects import rotation_vector
+from linkwork.equations.elimination import solve, weakest
 from linkwork.equations.equations import conditions, solve_symmetric
 from linkwork.equations.task import task_map
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.sticking import strains
+from linkwork.mechanism.task import labels
 from linkwork.model.actuation import DRIVEN, undriven
+from linkwork.model.asked import ToolAsked
+from linkwork.model.closing import LONGEST
+from linkwork.model.modes import modes_of
 from linkwork.model.task import task_of
 from linkwork.robot import Robot
 
@@ -74,3 +85,122 @@ def require_driven(robot: Robot) -> None:
             f"{', '.join(undriven(S, robot.independent))}; leave it out of the functions, or add "
             "actuators"
         )
+
+
+def closing(robot: Robot) -> ca.Function:
+    """Return q -> q after a Newton step of the dependent coordinates, the gap before it, the length
+    of the step in own units, and the weakest determinant of the elimination, relative."""
+    equations = robot.equations
+    tree, rows = equations.tree, equations.rows
+    step, pivots = solve(equations.chart, rows.Phi, -rows.phi)
+    w = equations.scatter(step, SX.zeros(equations.mobility, 1))
+    outputs = {
+        "next": tree.normed(tree.q + tree.derivatives(w)),
+        "gap": conditions(equations),
+        "length": largest(w * ca.DM(1 / tree.rate_units)),
+        "pivot": weakest_stage(equations.chart, pivots),
+    }
+    return functions.function("closing", equations, outputs)
+
+
+def approaching(robot: Robot) -> ca.Function:
+    """Return (q, x, left) -> q after a Newton step towards closed loops and the part of the way
+    that is left to the tool's coordinates x, and of before it: the residual, the step's length, the
+    weakest determinant, and the error of the coordinates."""
+    robot.require_tool()
+    equations, task = robot.equations, task_of(robot)
+    tree, rows = equations.tree, equations.rows
+    asked = ToolAsked(task, tree.length, robot.planar)
+    order = modes_of(equations, robot.p, asked).chart
+    if order is None:
+        raise LinkworkError(
+            f"tool_to_joints is not defined: the tool's {', '.join(labels(task))} do not determine "
+            "the motion of all joints; leave it out of the functions, or name another task"
+        )
+    J, held, error = asked.expressed(equations)
+    x, left = SX.sym("x", len(task)), SX.sym("left", len(task))
+    error = ca.substitute(error, held, held_of(asked, x))
+    residual = ca.vertcat(rows.phi, error - left)
+    found, pivots = solve(order, ca.vertcat(rows.Phi, J), -residual)
+    w = ca.vertcat(*[found[k] for k in range(equations.nv)])
+    length = largest(w * ca.DM(1 / tree.rate_units))
+    q = tree.q + tree.derivatives(w * (1 / ca.fmax(1, length / LONGEST)))
+    heights = np.concatenate([rows.units, asked.units])
+    outputs = {
+        "next": tree.normed(q),
+        "gap": largest(ca.vertcat(residual * ca.DM(1 / heights), rows.excess, *tree.norms())),
+        "length": length,
+        "pivot": weakest_stage(order, pivots),
+        "error": error,
+    }
+    return functions.function("approaching", equations, outputs, x=x, left=left)
+
+
+def held_of(asked: ToolAsked, x: ca.SX) -> ca.SX:
+    """Return the values that are held of those that are given: of an azimuth with a tilt, tilt (cos
+    azimuth, sin azimuth)."""
+    held = SX(x)
+    if asked.pointing is not None:
+        a, t = asked.pointing
+        held[a], held[t] = x[t] * ca.cos(x[a]), x[t] * ca.sin(x[a])
+    return held
+
+
+def positions(robot: Robot) -> ca.Function:
+    """Return q -> coordinates of all joints."""
+    return functions.positions(robot.equations)
+
+
+def pose(robot: Robot) -> ca.Function:
+    """Return q -> coordinates of the tool's pose: x, y, angle in the plane, else x, y, z and the
+    rotation vector; none without a tool."""
+    equations, found = robot.equations, SX(0, 1)
+    if robot.mechanism.tools:
+        tool = next(iter(robot.mechanism.tools.values()))
+        position, orientation, angle = body_motion.tool_pose(equations.tree, tool)
+        turned = rotation_vector(matrix_quaternion(ca.reshape(orientation, 3, 3).T))
+        planar = ca.vertcat(position[:2], angle)
+        found = planar if robot.planar else ca.vertcat(position, turned)
+    return functions.function("pose", equations, {"pose": found})
+
+
+def rates(robot: Robot) -> ca.Function:
+    """Return (q, v) -> the rates w of the tree's joints, pivot."""
+    return functions.tree_rates(robot.equations)
+
+
+def require_single(robot: Robot) -> None:
+    """Refuse direct kinematics where an independent rate has no coordinate of its own."""
+    tree = robot.equations.tree
+    single = {tree.rates[k] for _, k in tree.single}
+    turning = [name for name in robot.independent if name not in single]
+    if turning:
+        raise LinkworkError(
+            f"kinematics is not defined: the independent rates {', '.join(turning)} are those of a "
+            "free turn, which has no coordinates of its own; leave it out of the functions"
+        )
+
+
+def require_no_bristles(robot: Robot) -> None:
+    """Refuse motions over time where friction sticks, which has states of its own."""
+    sticking = [strain.of for strain in strains(robot.mechanism)]
+    if sticking:
+        raise LinkworkError(
+            f"steps are not defined in C where friction sticks by bristles, which have states of "
+            f"their own: {', '.join(sticking)}; leave start, step_rk4 and step out, or give this "
+            "friction without a bristle"
+        )
+
+
+def weakest_stage(chart: Chart, pivots: Sequence[ca.SX]) -> ca.SX:
+    """Return the determinant of least magnitude of the stages of an elimination, negative where any
+    is: its sign changes where the matrix is singular, and nowhere else."""
+    left = iter(pivots)
+    return weakest(
+        [prod([next(left) for _ in stage.blocks], start=SX(1)) for stage in chart.stages]
+    )
+
+
+def largest(values: ca.SX) -> ca.SX:
+    """Return the largest magnitude; zero of none."""
+    return ca.mmax(ca.fabs(ca.densify(values))) if values.numel() else SX(0)

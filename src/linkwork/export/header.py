@@ -10,6 +10,7 @@ from importlib.metadata import version
 from linkwork.export.calls import Argument, Call
 from linkwork.export.layout import ArrayLayout
 from linkwork.export.statements import wrapped
+from linkwork.robot import Robot
 
 WIDTH = 96
 
@@ -20,6 +21,10 @@ STATUS = (
         "the independent rates do not determine the motion at this configuration",
     ),
     ("NOT_FINITE", "a number that is given or found is not finite"),
+    ("NOT_CLOSED", "the loops cannot be closed from here, or the way leads past a singular pose"),
+    ("TOO_MANY_STEPS", "the end was not reached in LW_MOST_STEPS steps"),
+    ("STEP_TOO_SHORT", "the tolerances would need steps that are too short"),
+    ("OUT_OF_RANGE", "the step or a tolerance is not above zero"),
 )
 
 
@@ -53,24 +58,25 @@ def size_of(argument: Argument) -> str:
 
 def declared(argument: Argument, layouts: Mapping[str, ArrayLayout]) -> str:
     """Return the declaration of an argument."""
+    if argument.kind == "state":
+        return f"lw_state *{argument.name}"
     constant = "const " if argument.role == "in" else ""
     if not argument.sizes:
-        return f"{constant}lw_real *{argument.name}"
+        return f"lw_real {'' if constant else '*'}{argument.name}"
     empty = not all(len(layouts[size]) for size in argument.sizes)
     return f"{constant}lw_real {argument.name}[{'' if empty else size_of(argument)}]"
 
 
 def prototype(call: Call, layouts: Mapping[str, ArrayLayout], free: bool) -> str:
     """Return the head of a function, without what ends it."""
-    given = [declared(each, layouts) for each in call.arguments]
-    if free:
-        own = [each.role for each in call.arguments].count("in")
-        given.insert(own, "const lw_parameters *p")
+    given = [declared(each, layouts) for each in call.arguments if each.role == "in"]
+    given += ["const lw_parameters *p"] * free
+    given += [declared(each, layouts) for each in call.arguments if each.role != "in"]
     return wrapped(f"lw_status lw_{call.name}(", given)
 
 
 def header_text(
-    title: str,
+    robot: Robot,
     layouts: Mapping[str, ArrayLayout],
     calls: Iterable[Call],
     parameters: Mapping[str, str],
@@ -78,7 +84,7 @@ def header_text(
     precision: str,
 ) -> str:
     """Return the header, with lw for the prefix."""
-    parts = [about(title, notes), OPENING, f"typedef {precision} lw_real;\n", status_text()]
+    parts = [about(robot, notes), OPENING, f"typedef {precision} lw_real;\n", status_text()]
     parts += [layout_text(layout) for layout in layouts.values()]
     if parameters:
         parts.append(parameters_text(parameters))
@@ -86,17 +92,22 @@ def header_text(
         comment("A configuration with its loops closed, in which everything is at rest.")
         + "\nextern const lw_real lw_home[LW_Q];\n"
     )
+    calls = list(calls)
+    if any(each.kind == "state" for call in calls for each in call.arguments):
+        parts.append(STATE)
     for call in calls:
         parts.append(call_text(call, layouts, bool(parameters)))
     return "\n".join([*parts, CLOSING])
 
 
-def about(title: str, notes: Sequence[str]) -> str:
+def about(robot: Robot, notes: Sequence[str]) -> str:
     """Return the comment at the beginning of each file."""
     said = "".join(f"\n\nNote: {note}." for note in notes)
     return comment(
-        f"Exact equations of motion of {title}, written by Linkwork {version('linkwork')}.\n\n"
-        "All numbers are in SI units and radians. Functions return a status; where it is not LW_OK "
+        f'Exact equations of motion of "{robot.mechanism.name}", written by Linkwork '
+        f"{version('linkwork')}.\n\n"
+        "All numbers are in SI units and radians; the mechanism's own length is "
+        f"{robot.equations.tree.length:.6g} m. Functions return a status; where it is not LW_OK "
         "what they gave is of no use. They keep no state, call nothing but the mathematics of the "
         "C library, take no memory from the heap, do not call themselves, and may be called by any "
         f"number of threads. What a function takes and what it gives may not overlap.{said}"
@@ -117,6 +128,21 @@ CLOSING = """\
 #endif
 
 #endif
+"""
+
+
+STATE = """\
+enum { LW_MOST_STEPS = 10000 };
+
+/* The state of a motion, which may be copied, read and written. */
+typedef struct lw_state {
+    lw_real t; /* time [s] */
+    lw_real q[LW_Q]; /* configuration */
+    lw_real w[LW_W]; /* rates of the joints of the spanning tree, all of them */
+    lw_real next; /* length of the step that lw_step tries next [s]; 0: it finds one */
+    int own; /* whether the last step was made in the robot's own independent rates */
+    int changes; /* how often the independent rates were changed */
+} lw_state;
 """
 
 
@@ -167,5 +193,5 @@ def call_text(call: Call, layouts: Mapping[str, ArrayLayout], free: bool) -> str
     told = [call.says]
     for each in call.arguments:
         place = f"{each.name}[{size_of(each)}]" if each.sizes else each.name
-        told.append(f"{each.role:3} {place}: {each.meaning}")
+        told.append(f"{each.role:5} {place}: {each.meaning}")
     return f"{comment(chr(10).join(told))}\n{prototype(call, layouts, free)};\n"

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from linkwork.export.identifiers import identifiers
+from linkwork.model.labels import POSES
 from linkwork.robot import Robot
 
 
@@ -66,7 +67,16 @@ def layouts(robot: Robot) -> Mapping[str, ArrayLayout]:
             shown=False,
         ),
     ]
+    # Coordinates that direct kinematics starts from, where each has a rate of its own.
+    tree = equations.tree
+    single = {tree.rates[k]: tree.coordinates[place] for place, k in tree.single}
+    if all(name in single for name in robot.independent):
+        given = tuple((single[name], robot.unit(name)) for name in robot.independent)
+        found.append(ArrayLayout("A", "coordinates of the independent rates", given))
     # The tool's, where there is one.
+    pose = POSES[robot.planar] if robot.mechanism.tools else ()
+    units = tuple((name, "m" if name in ("x", "y", "z") else "rad") for name in pose)
+    found.append(ArrayLayout("POSE", "pose of the tool", units))
     if robot.task:
         lengths = ("x", "y", "z", "distance")
         task = tuple((name, "m" if name in lengths else "rad") for name in robot.task)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 
+import numpy as np
+
+from linkwork.equations.equations import LOST
 from linkwork.export.calls import Call
 from linkwork.export.header import about, prototype, size_of
 from linkwork.export.layout import ArrayLayout
@@ -12,77 +16,195 @@ from linkwork.export.statements import Dialect, functions_text
 from linkwork.export.templates import filled
 from linkwork.kernels.program import Program
 from linkwork.model.checks import PIVOT_BOUND
+from linkwork.model.closing import CONTRACTS, LONGEST, SETTLING
+from linkwork.model.modes import FLAT
+from linkwork.robot import Robot
+from linkwork.runs.next_chart import REUSED
+from linkwork.runs.passage import SOFT
+from linkwork.simulation.tableaus import DORMAND_PRINCE
 
 OWN = (
-    """\
-static lw_real lw_least(lw_real a, lw_real b) { return a < b || b != b ? a : b; }
-""",
-    """\
-static lw_real lw_most(lw_real a, lw_real b) { return a > b || b != b ? a : b; }
-""",
-    """\
-static lw_real lw_sign(lw_real a) { return a > 0 ? (lw_real)1 : a < 0 ? (lw_real)-1 : a; }
-""",
+    "static lw_real lw_least(lw_real a, lw_real b) { return a < b || b != b ? a : b; }\n",
+    "static lw_real lw_most(lw_real a, lw_real b) { return a > b || b != b ? a : b; }\n",
+    "static lw_real lw_sign(lw_real a)\n"
+    "{\n    return a > 0 ? (lw_real)1 : a < 0 ? (lw_real)-1 : a;\n}\n",
 )
 """Functions that the C library has in slow forms, or not at all."""
+CLOSED = {"double": 1e-13, "float": 1e-6}
+"""Largest |phi| of closed loops, over what its rounding grows with; 64 times as much is open."""
+MET = {"double": 1e-6, "float": 1e-3}
+SMALLEST_STEP = {"double": 16 * 2.0**-52, "float": 16 * 2.0**-23}
+PARTS = 64  # of a way, at most
+SHARED = ("settle.c", "charts.c", "other_charts.c", "motion_in_charts.c")
+"""Pieces that others call, in the order in which they need each other."""
+NEEDS = {
+    "project.c": {"settle.c"},
+    "kinematics.c": {"settle.c"},
+    "start.c": {"settle.c"},
+    "step_rk4.c": {*SHARED},
+    "step.c": {*SHARED},
+}
 
 
 def source_text(
-    title: str,
+    robot: Robot,
     dialect: Dialect,
     layouts: Mapping[str, ArrayLayout],
-    programs: Mapping[str, tuple[Call, Program]],
-    parameters: Mapping[str, tuple[str, float]],
-    home: Sequence[float],
+    calls: Sequence[Call],
+    programs: Mapping[str, Program],
+    fields: Mapping[str, str],
     notes: Sequence[str],
 ) -> str:
     """Return the source, with lw for the prefix.
 
-    programs: of the functions, by name; parameters: fields and values of free numbers, by path
+    programs: by name; fields: of the free numbers, by path
     """
-    fields = [field for field, _ in parameters.values()]
-    code = "\n".join(
-        functions_text(program, f"lw_{name}_code", dialect, fields)
-        for name, (_, program) in programs.items()
-    )
+    # The functions, what they share, and the programs.
+    given = words(robot, bool(fields))
+    wanted = {each for call in calls for each in NEEDS.get(call.body or "", ())}
+    if robot.mobility == robot.equations.nv:
+        wanted -= {"other_charts.c"}
+    shared = [filled(name, dialect, given) for name in SHARED if name in wanted]
+    defined = [definition(call, layouts, dialect, given, bool(fields)) for call in calls]
+    written = [
+        functions_text(program, f"lw_{name}_code", dialect, [*fields.values()])
+        for name, program in programs.items()
+    ]
+    body = "\n".join([*written, *shared, *defined])
+    # What they use of small functions, constants and tables.
+    helpers = re.split(r"\n(?=static )", filled("helpers.c", dialect))
+    small = used([*OWN, *helpers], body)
+    constants = [*numbers(robot, dialect), *tables(robot, dialect)]
+    values = [robot.parameters[path] for path in fields]
     parts = [
-        about(title, notes),
+        about(robot, notes),
         '#include "LW_FILE.h"\n\n#include <math.h>\n#include <stdint.h>\n',
     ]
-    parts.append(filled("arithmetic.c", dialect))
-    if "lw_turn(" in code:
-        parts.append(turn_text(dialect))
-    parts += [text for text in OWN if text.split("(")[0].split()[-1] + "(" in code]
-    parts.append(f"#define LW_PIVOT_BOUND {dialect.constant(PIVOT_BOUND)}\n")
-    parts.append(filled("helpers.c", dialect))
-    parts.append(f"const lw_real lw_home[LW_Q] = {listed(home, dialect)};\n")
-    if parameters:
-        own = listed([value for _, value in parameters.values()], dialect)
-        parts.append(f"const lw_parameters lw_own_parameters = {own};\n")
-    parts.append(code)
-    parts += [definition(call, layouts, bool(parameters)) for call, _ in programs.values()]
-    return "\n".join(parts)
+    parts += [filled("arithmetic.c", dialect)]
+    parts += [turn_text(dialect)] * ("lw_turn(" in body)
+    parts += [*used(constants, "\n".join([*small, body])), *small]
+    parts += [f"const lw_real lw_home[LW_Q] = {listed(robot.home.q, dialect)};\n"]
+    if fields:
+        parts.append(f"const lw_parameters lw_own_parameters = {listed(values, dialect)};\n")
+    return "\n".join([*parts, body])
 
 
-def listed(values: Sequence[float], dialect: Dialect) -> str:
+def words(robot: Robot, free: bool) -> dict[str, str]:
+    """Return what stands in place of words in the pieces of C."""
+    rows, errors = DORMAND_PRINCE.a[1:, :-1].tolist(), DORMAND_PRINCE.e.tolist()
+    nothing = "(void)state;" + " (void)p;" * free
+    loops = robot.mobility < robot.equations.nv
+    return {
+        "WITH_P": ", p" * free,
+        "TAKING_P": ", const lw_parameters *p" * free,
+        "OTHERWISE": "" if loops else "//",
+        "NOTHING_OF_STATE": "" if loops else nothing,
+        "WEIGHTS": ", ".join("{" + ", ".join(map(weight, row)) + "}" for row in rows),
+        "ERRORS": ", ".join(map(weight, errors)),
+    }
+
+
+def weight(value: float) -> str:
+    """Return a weight of a method as a literal of either precision."""
+    return f"(lw_real){value!r}"
+
+
+def used(definitions: Sequence[str], body: str) -> list[str]:
+    """Return the definitions whose names stand in a body, or in one of them that is used later."""
+    found: list[str] = []
+    for text in reversed(definitions):
+        if re.search(rf"\b{head(text)}\b", body):
+            found.insert(0, text)
+            body += text
+    return found
+
+
+def head(text: str) -> str:
+    """Return the name that a definition gives."""
+    return re.findall(r"#define (\w+)|(\blw_\w+)[\[(]", text)[0][text.startswith("static")]
+
+
+def numbers(robot: Robot, dialect: Dialect) -> list[str]:
+    """Return the constants by name."""
+    precision = dialect.precision
+    closed = CLOSED[precision] * robot.size
+    found = {
+        "PIVOT_BOUND": PIVOT_BOUND,
+        "CLOSED": closed,
+        "OPEN": 64 * closed,
+        "LONGEST": LONGEST,
+        "CONTRACTS": CONTRACTS,
+        "MET": MET[precision],
+        "FLAT": FLAT,
+        "WEAK": SOFT,
+        "REUSED": REUSED,
+        "LOST": LOST * robot.equations.smallest,
+        "SMALLEST_STEP": SMALLEST_STEP[precision],
+    }
+    counts = {"MOST_CORRECTIONS": SETTLING, "MOST_PARTS": PARTS}
+    return [
+        *(f"#define LW_{name} {count}\n" for name, count in counts.items()),
+        *(f"#define LW_{name} {dialect.constant(value)}\n" for name, value in found.items()),
+    ]
+
+
+def tables(robot: Robot, dialect: Dialect) -> list[str]:
+    """Return the constant arrays by name."""
+    tree, (columns, rows) = robot.equations.tree, robot.equations.sizes
+    places = {tree.rates[k]: place for place, k in tree.single}
+    integers = {
+        "a_places[LW_A]": [places.get(name, 0) for name in robot.independent],
+        "v_places[LW_V]": list(robot.equations.chart.independent),
+    }
+    reals = {
+        "row_factors[LW_PHI]": 1 / rows,
+        "rate_factors[LW_W]": 1 / columns,
+        "q_units[LW_Q]": tree.units,
+        "w_units[LW_W]": tree.rate_units,
+    }
+    return [
+        *(
+            f"static const int lw_{name} = {{{', '.join(map(str, each))}}};\n"
+            for name, each in integers.items()
+        ),
+        *(
+            f"static const lw_real lw_{name} = {listed(each, dialect)};\n"
+            for name, each in reals.items()
+        ),
+    ]
+
+
+def listed(values: Iterable[float] | np.ndarray, dialect: Dialect) -> str:
     """Return numbers as an initialiser."""
     return "{\n    " + ",\n    ".join(dialect.constant(float(value)) for value in values) + "\n}"
 
 
-def definition(call: Call, layouts: Mapping[str, ArrayLayout], free: bool) -> str:
-    """Return the function that calls a program and judges what it gave."""
-    given = [each.name for each in call.arguments if each.role == "in"] + ["p"] * free
-    given += [each.name for each in call.arguments if each.role == "out"]
-    judged = next(each for each in call.arguments if each.name == call.finite)
-    count = f"{size_of(judged) or '1'}"
-    pivot = ["    lw_real pivot[1];"] if call.pivot else []
+def definition(
+    call: Call,
+    layouts: Mapping[str, ArrayLayout],
+    dialect: Dialect,
+    given: Mapping[str, str],
+    free: bool,
+) -> str:
+    """Return a function: its piece of C, or one that calls the program of its name and judges what
+    that gave."""
+    opening = prototype(call, layouts, free)
+    if call.body is not None:
+        return filled(call.body, dialect, {**given, "PROTOTYPE": opening})
+    ins, outs = (
+        [each for each in call.arguments if (each.role == "in") is own] for own in (True, False)
+    )
+    pivot = call.name != "closure"
+    names = [each.name for each in ins] + ["p"] * free + [each.name for each in outs]
+    judged = outs[-1]
     return "\n".join(
         [
-            prototype(call, layouts, free),
+            opening,
             "{",
-            *pivot,
-            f"    lw_{call.name}_code({', '.join([*given, *['pivot'] * call.pivot])});",
-            f"    return lw_judged({'pivot[0]' if call.pivot else '1'}, {judged.name}, {count});",
+            *["    lw_real pivot[1];"] * pivot,
+            f"    lw_{call.name}_code({', '.join([*names, *['pivot'] * pivot])});",
+            f"    return lw_judged({'pivot[0]' if pivot else '1'}, {judged.name}, "
+            f"{size_of(judged) or '1'});",
             "}",
             "",
         ]

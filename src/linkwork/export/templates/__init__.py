@@ -8,7 +8,7 @@ from importlib import resources
 
 from linkwork.export.statements import Dialect
 
-_FUNCTIONS = r"\b(fabs|fma|sin|cos|sqrt|pow)\("
+_FUNCTIONS = r"\b(fabs|fma|sin|cos|pow)\("
 
 
 def filled(name: str, dialect: Dialect, words: Mapping[str, str] | None = None) -> str:
@@ -17,4 +17,6 @@ def filled(name: str, dialect: Dialect, words: Mapping[str, str] | None = None) 
     text = resources.files("linkwork.export.templates").joinpath(name).read_text(encoding="utf-8")
     for word, other in (words or {}).items():
         text = re.sub(rf"\b{word}\b", lambda _, other=other: other, text)
+    text = text.replace(" , ", ", ").replace(" )", ")").replace(" ,\n", ",\n")
+    text = re.sub(r"^//.*\n", "", text, flags=re.MULTILINE)
     return re.sub(_FUNCTIONS, rf"\1{dialect.suffix}(", text)

@@ -1,13 +1,26 @@
-static lw_status lw_judged(lw_real pivot, const lw_real *found, int count)
+static void lw_copy(int count, const lw_real *from, lw_real *to)
 {
     int k;
+    for (k = 0; k < count; ++k) {
+        to[k] = from[k];
+    }
+}
+
+static int lw_finite(const lw_real *x, int count)
+{
+    int k;
+    for (k = 0; k < count; ++k) {
+        if (!(x[k] - x[k] == 0)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+static lw_status lw_judged(lw_real pivot, const lw_real *found, int count)
+{
     if (!(fabs(pivot) > LW_PIVOT_BOUND)) {
         return LW_SINGULAR;
     }
-    for (k = 0; k < count; ++k) {
-        if (!(found[k] - found[k] == 0)) {
-            return LW_NOT_FINITE;
-        }
-    }
-    return LW_OK;
+    return lw_finite(found, count) ? LW_OK : LW_NOT_FINITE;
 }

@@ -1,0 +1,162 @@
+"""Kinematics and motions in C beside the robot's own, and the statuses of what cannot be done."""
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.robot import Robot
+
+from tests.catalogue import built
+from tests.export.compiled import Library
+
+OK, SINGULAR, NOT_FINITE, NOT_CLOSED, TOO_MANY_STEPS, _, OUT_OF_RANGE = range(7)
+KINEMATICS = ["closure", "project", "kinematics", "tool_to_joints"]
+BODY = lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.2, zz=0.3))
+FREE = lw.FreeJoint(connects=("ground", "body"))
+STEPS = ["start", "step_rk4", "step"]
+
+
+def library(robot: Robot, folder, functions, **options) -> Library:
+    return Library(robot, lw.export.c(robot, functions, **options), folder)
+
+
+@pytest.mark.parametrize("name", ["prr3", "delta", "puma560", "five_bar"])
+def test_kinematics_is_that_of_the_robot(name, tmp_path):
+    robot = built(name)
+    own, random = library(robot, tmp_path, KINEMATICS), np.random.default_rng(3)
+    for _ in range(10):
+        spread = 0.15 * random.normal(size=robot.mobility) * robot.equations.tree.length
+        places = [robot.coordinates.index(each) for each in robot.independent]
+        a = robot.home.positions[places] + spread
+        try:
+            expected = robot.assemble(dict(zip(robot.independent, a, strict=True)))
+        except lw.LinkworkError:
+            status, [q, *_] = own("kinematics", a, robot.home.q)
+            assert status in (NOT_CLOSED, SINGULAR)
+            np.testing.assert_array_equal(q, robot.home.q)
+            continue
+        status, [q, positions, pose] = own("kinematics", a, robot.home.q)
+        assert status == OK
+        assert own("closure", q)[1][1] < 1e-12
+        np.testing.assert_allclose(positions, expected.positions, rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(pose, robot.tool_pose(expected), rtol=1e-9, atol=1e-10)
+        # And back, from home, on home's working mode.
+        x = robot.task_values(expected)
+        status, [q, positions] = own("tool_to_joints", x, robot.home.q)
+        try:
+            expected = robot.assemble(tool=x)
+        except lw.LinkworkError:
+            assert status in (NOT_CLOSED, SINGULAR)
+            continue
+        assert status == OK
+        np.testing.assert_allclose(positions, expected.positions, rtol=1e-8, atol=1e-9)
+
+
+def test_what_cannot_be_reached_leaves_the_guess_as_it_is(tmp_path):
+    robot = built("five_bar")
+    own, home = library(robot, tmp_path, KINEMATICS), robot.home.q
+    for name, given, wanted in (
+        ("tool_to_joints", [10.0, 0.0], NOT_CLOSED),
+        ("tool_to_joints", [np.nan, 0.0], NOT_FINITE),
+        ("kinematics", [np.inf, 0.0], NOT_FINITE),
+    ):
+        status, [q, *_] = own(name, given, home)
+        assert status == wanted
+        np.testing.assert_array_equal(q, home)
+    assert own("project", home + 0.01)[0] == OK
+    assert own("project", home + np.nan)[0] == NOT_FINITE
+
+
+def test_projection_closes_loops_with_the_independent_coordinates_as_they_are(tmp_path):
+    robot = built("delta")
+    own, q = library(robot, tmp_path, KINEMATICS), robot.home.q + 0.01
+    status, [found, gap] = own("project", q)
+    assert status == OK and gap[0] < 1e-13
+    assert own("closure", found)[1][1] == gap
+    np.testing.assert_array_equal(found[:3], q[:3])
+
+
+def run(own: Library, robot: Robot, state: lw.State, u, dt: float, steps: int, *tolerances):
+    """Return the state after some steps."""
+    status, [moving] = own("start", state.q, state.rates)
+    assert status == OK
+    for _ in range(steps):
+        name = "step" if tolerances else "step_rk4"
+        assert own(name, u, dt, *tolerances, moving)[0] == OK
+    return moving
+
+
+@pytest.mark.parametrize("name", ["prr3", "delta", "double_pendulum", "four_bar"])
+def test_steps_are_those_of_runs(name, tmp_path):
+    robot = built(name)
+    own, u = library(robot, tmp_path, STEPS), np.linspace(1.0, 2.0, len(robot.actuators))
+    state = robot.state(robot.home.positions, np.linspace(0.1, 0.3, robot.mobility))
+    fixed = robot.simulate(state, u, duration=0.2, method="rk4", step=0.002).final
+    moving = run(own, robot, state, u, 0.002, 100)
+    np.testing.assert_allclose(moving.q, fixed.q, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(
+        [*moving.w], robot.chart.tree_rates(fixed.q, fixed.rates), rtol=1e-8, atol=1e-10
+    )
+    assert moving.t == pytest.approx(0.2) and moving.changes == 0
+    exact = robot.simulate(state, u, duration=0.2, rtol=1e-11, atol=1e-12).final
+    moving = run(own, robot, state, u, 0.05, 4, 1e-10, 1e-11)
+    np.testing.assert_allclose(moving.q, exact.q, rtol=1e-8, atol=1e-9)
+    assert moving.t == 0.2 and moving.next > 0
+
+
+def test_charts_change_where_the_own_one_is_singular(tmp_path):
+    """A crank that turns on past its dead centres, told by the rate of its slider: the energy is
+    kept, the loops stay closed, and so does a run."""
+    robot = Robot(lw.robots.slider_crank(), independent=["slide"])
+    own = library(robot, tmp_path, [*STEPS, "closure"])
+    fast = robot.state(robot.home.positions, {"slide": 3.0})
+    energy = sum(robot.energy(fast))
+    u = np.zeros(len(robot.actuators))
+    for steps, tolerances, close in ((5000, (), 1e-3), (100, (1e-9, 1e-10), 1e-6)):
+        moving = run(own, robot, fast, u, 1.0 / steps, steps, *tolerances)
+        assert moving.changes >= 20
+        assert own("closure", np.array(moving.q))[1][1] < 1e-11
+        expected = robot.simulate(fast, u, duration=1.0, rtol=1e-10, atol=1e-11).final
+        np.testing.assert_allclose(moving.q, expected.q, rtol=close, atol=close)
+        kinetic = robot.kernel("motion_energy")(np.array(moving.q), np.array(moving.w))[0][0]
+        potential = robot.energy(robot.make_state(np.array(moving.q), np.zeros(1)))[1]
+        assert kinetic + potential == pytest.approx(energy, rel=close)
+
+
+def test_steps_that_cannot_be_made_say_why(tmp_path):
+    robot = built("five_bar")
+    own, nothing = library(robot, tmp_path, STEPS), np.zeros(2)
+    status, [moving] = own("start", robot.home.q, nothing)
+    assert status == OK
+    before = [*moving.q]
+    assert own("step", nothing, -1.0, 1e-6, 1e-6, moving)[0] == OUT_OF_RANGE
+    assert own("step", nothing, 1.0, 0.0, 0.0, moving)[0] == OUT_OF_RANGE
+    assert own("step", [np.nan, 0.0], 1.0, 1e-6, 1e-6, moving)[0] == NOT_FINITE
+    assert own("step_rk4", [np.nan, 0.0], 1.0, moving)[0] == NOT_FINITE
+    assert own("step_rk4", nothing, np.inf, moving)[0] == NOT_FINITE
+    assert [*moving.q] == before
+    assert own("start", robot.home.q, [np.inf, 0.0])[0] == NOT_FINITE
+    assert own("step", [1.0, 0.0], 1.0, 0.0, 1e-30, moving)[0] == TOO_MANY_STEPS
+    assert 0 < moving.t < 1
+
+
+def test_bristles_and_free_turns_are_refused_by_name():
+    friction = lw.Friction(coulomb=0.1, bristle=lw.Bristle(stiffness=100.0))
+    hinge = lw.RevoluteJoint(connects=("ground", "body"), friction=friction)
+    robot = lw.Robot(lw.Mechanism(name="arm", bodies={"body": BODY}, joints={"hinge": hinge}))
+    assert not {*STEPS} & {*lw.export.c(robot).functions}
+    with pytest.raises(lw.LinkworkError, match=r"sticks by bristles.*hinge"):
+        lw.export.c(robot, ["step"])
+    floating = lw.Robot(lw.Mechanism(name="top", bodies={"body": BODY}, joints={"base": FREE}))
+    assert "step" in lw.export.c(floating).functions
+    with pytest.raises(lw.LinkworkError, match=r"base.wx, base.wy, base.wz are those of a free"):
+        lw.export.c(floating, ["kinematics"])
+
+
+def test_a_free_body_keeps_its_quaternion_and_momentum(tmp_path):
+    parts = {"bodies": {"body": BODY}, "joints": {"base": FREE}}
+    robot = Robot(lw.Mechanism(name="top", gravity=(0.0, 0.0, 0.0), **parts))
+    state = robot.state(robot.home.positions, [0.1, 0.2, 0.3, 1.0, 2.0, -1.0])
+    moving = run(library(robot, tmp_path, STEPS), robot, state, [], 0.1, 20, 1e-10, 1e-11)
+    expected = robot.simulate(state, duration=2.0, rtol=1e-11, atol=1e-12).final
+    np.testing.assert_allclose(moving.q, expected.q, rtol=1e-8, atol=1e-8)
