@@ -203,14 +203,21 @@ def test_a_fluid_acts_where_it_resists(options, felt, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("key", "felt"), [("", 0), ('mpos="1 2 3"', 0), ('mpos="1 2 4"', 1), ('mquat="1 1 0 0"', 1)]
+    ("key", "z", "turned"),
+    [("", 3, 0), ('mpos="1 2 3"', 3, 0), ('mpos="1 2 4"', 4, 0), ('mquat="1 1 0 0"', 3, np.pi / 2)],
 )
-def test_a_mocap_body_is_a_caveat_where_the_keyframe_moves_it(key, felt, tmp_path):
+def test_a_mocap_body_stands_where_the_keyframe_puts_it(key, z, turned, tmp_path):
     path = model(tmp_path, more=INERTIAL)
     hand = '<body name="hand" mocap="true" pos="1 2 3"/>'
     text = path.read_text().replace("<worldbody>", f"<worldbody>{hand}", 1)
     key = f'<keyframe><key name="home" {key}/></keyframe></mujoco>'
     path.write_text(text.replace("</mujoco>", key))
-    found = read(path).mechanism.caveats
-    assert len(found) == felt and all("<body 'hand'> is put elsewhere" in each for each in found)
-    assert any("says mocap, which is left out" in note for note in read(path).notes)
+    imported = read(path)
+    assert not imported.mechanism.caveats
+    assert any("says mocap, which is left out" in note for note in imported.notes)
+    (frame,) = (
+        joint.frames[0]
+        for joint in imported.mechanism.pairs.values()
+        if joint.connects == ("ground", "hand")
+    )
+    assert frame.position == (1, 2, z) and frame.rotation == pytest.approx((turned, 0, 0))

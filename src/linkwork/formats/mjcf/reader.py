@@ -8,6 +8,7 @@ they are (`mjcf.loops`, `mjcf.tendons`), actuators name rates or transmissions a
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -74,8 +75,9 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
     ties = loops.ties()
     # Joints of the tree, and the bodies between several joints of one body.
     names, body_names = FreeNames(notes), FreeNames(notes, (GROUND, *tree.nodes))
+    standing = _put_by_key(document, tree)
     joints = read_joints(
-        tree, _free_couplings(document, ties), ball_drives(document), names, body_names
+        standing, _free_couplings(document, ties), ball_drives(document), names, body_names
     )
     bodies = {
         name: node.element.make(Body, **node.solid.fields(), shapes=node.shapes)
@@ -85,7 +87,6 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
     fluid = fluid_of(document)
     drags = drags_of(document, tree, notes) if fluid.density or fluid.viscosity else {}
     dragged = {drag.body for drag in drags.values()}
-    _moved_by_key(document, tree, notes)
     # What closes loops: tendons, connects and welds, joint equalities.
     tendons = TendonReader(document, loops, joints, names, notes).read(ties.tendons)
     _join_parts(tree, ties, joints, bodies, tendons.used, {*lifts, *dragged})
@@ -118,7 +119,7 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
             tool_names.give(name): Tool(body=body, frame=poses.frame_of(X))
             for name, (body, X) in tools.items()
         },
-        "reference": _reference(document, tree, joints, closing),
+        "reference": _reference(document, standing, joints, closing),
     }
     try:
         return Mechanism(**fields)
@@ -231,27 +232,24 @@ def _home(document: Document) -> Element | None:
     return next((key for key in keys if key.attributes.get("name") == HOME), None)
 
 
-def _moved_by_key(document: Document, tree: ModelTree, notes: Notes) -> None:
-    """Note the mocap bodies that the keyframe "home" puts elsewhere than where they stand here."""
+def _put_by_key(document: Document, tree: ModelTree) -> ModelTree:
+    """Return the tree with its mocap bodies where the keyframe "home" puts them."""
     home = _home(document)
     nodes = [node for node in tree.nodes.values() if node.element.attributes.get("mocap") == "true"]
     if home is None or not nodes:
-        return
+        return tree
     # What the keyframe does not say stays as the bodies say.
     places = np.array([node.pose[:3, 3] for node in nodes])
     turns = np.array([poses.to_quaternion(node.pose[:3, :3]) for node in nodes])
     for name, values in (("mpos", places), ("mquat", turns)):
         given = home.numbers(name, tuple(range(values.size + 1)), ())
         values.flat[: len(given)] = given
-    # Each beside its own place.
+    moved = dict(tree.nodes)
     for node, p, q in zip(nodes, places, turns, strict=True):
         X = poses.pose(p, poses.from_quaternion(*q)) if q.any() else poses.pose(p)
         if np.abs(X - node.pose).max() > NEAR:
-            remark = (
-                "is put elsewhere by the keyframe 'home' (mpos, mquat), which is left out: it "
-                "stands where the body itself says"
-            )
-            notes.on(node.element, remark, alters=True)
+            moved[node.name] = replace(node, pose=X)
+    return replace(tree, nodes=moved)
 
 
 def _reference(

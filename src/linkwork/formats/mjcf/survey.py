@@ -128,7 +128,7 @@ SERVO = {
 }
 
 CONSEQUENCES = {
-    ("body", "mocap"): "the body is fixed in the world",
+    ("body", "mocap"): "the body is fixed in the world, where the keyframe 'home' or it says",
     ("joint", "springyield"): "springs do not yield",
 }
 NOTHING = {"0", "false", "none", "auto", ""}
