@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.control import Event, Lag, Sampler, Wrench
 from linkwork.kernels.program import Program
 from linkwork.model import charts
 from linkwork.model.tabled import tabled, varying
+from linkwork.runs.system import system
 from linkwork.simulation import partitioned
 
 from tests.oracle.random_joints import random_loops
@@ -83,3 +85,124 @@ def test_a_chart_that_is_used_for_long_gets_kernels_of_its_own(monkeypatch):
     chart.count(charts.OWN)
     assert chart.single("motion") is chart.kernel("motion")
     assert robot.chart.single("motion") is robot.chart.kernel("motion")
+
+
+def pushed(t, state):
+    """A controller with feedback of every kind that a run offers."""
+    first, *others = state.names.actuators
+    pull = 5 * (0.1 - state[first]) - 0.2 * state.rate(first) + lw.math.sin(20 * t)
+    return {first: pull} | dict.fromkeys(others, 0.3)
+
+
+def sticking() -> lw.Mechanism:
+    """A five-bar whose passive hinges stick: states of bristles."""
+    mechanism = lw.robots.five_bar()
+    name = next(name for name in mechanism.joints if name not in mechanism.actuators)
+    stick = lw.Friction(coulomb=0.1, bristle=lw.Bristle(stiffness=100.0, damping=1.0))
+    joint = mechanism.joints[name].model_copy(update={"friction": stick})
+    return mechanism.model_copy(update={"joints": {**mechanism.joints, name: joint}})
+
+
+ACTED = {
+    "wrench, drive, event": (lw.robots.prr3, ()),
+    "free numbers": (lw.robots.five_bar, ("bodies.proximal_1.mass",)),
+    "ball joints": (lw.robots.stewart, ()),
+    "bristles": (sticking, ()),
+}
+
+
+@pytest.mark.parametrize("case", ACTED)
+def test_what_acts_is_that_of_the_chart_s_own_kernels(case):
+    """Motion with what acts and events, in a chart that is told, beside those compiled for it."""
+    make, free = ACTED[case]
+    robot = lw.Robot(make(), free=free)
+    rng, q, body = np.random.default_rng(3), robot.home.q, robot.bodies[-1]
+    acting = {
+        "drives": {robot.actuators[0]: Lag(0.05)},
+        "wrenches": [Wrench(body, force=lambda t, state: [state.rate(robot.rates[0]), 1, t])],
+    }
+    events = (Event(lambda t, state: state[robot.coordinates[-1]] - t, name="seen"),)
+    runs = system(robot, pushed, events=events, parameters={}, span=(0.0, 1.0), **acting)
+    chart = robot.chart.better(q, ())
+    for entry, name in (("motion", "motion"), ("seen", "events")):
+        own = runs.kernel(chart, name)
+        asked = runs.kernel(chart.free, "balance" if name == "motion" else name)
+        found = chart.by_table(entry, asked)
+        more = rng.normal(size=own.n_in - q.size - runs.p(chart).size)
+        x = (q + 1e-3 * rng.normal(size=q.size), more, runs.p(chart))
+        expected = own.flat(*x)
+        np.testing.assert_allclose(
+            found.flat(*x), expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max()
+        )
+
+
+def told_and_own(monkeypatch, *, each: str, **options) -> list[lw.Run]:
+    """Return a run whose charts are compiled, and one whose charts are told by tables."""
+    found = []
+    for large in (10**9, 0):
+        monkeypatch.setattr(charts, "LARGE", large)
+        robot = lw.Robot(lw.robots.rrr3())
+        start = robot.home.with_rates([4.0, -3.0, 2.0])
+        run = robot.simulate(
+            start, **options, duration=1.0, rtol=1e-10, atol=1e-12, save_at=[0.2, 0.6, 1.0]
+        )
+        assert run.success and len(robot.run_charts) > 1
+        others = [chart for chart in robot.run_charts.values() if chart.home is not None]
+        run[each]
+        assert any(chart._kernels for chart in others) == (large > 0)
+        found.append(run)
+    return found
+
+
+MEASURED = (
+    *("joint_position", "joint_rate", "joint_acceleration", "actuator_force"),
+    *("kinetic_energy", "energy_balance", "actuator_power"),
+)
+
+
+@pytest.mark.parametrize("kind", ["controller", "drives", "sampled", "plain"])
+def test_runs_with_what_acts_are_the_same_by_tables(kind, monkeypatch):
+    """States, accelerations, forces, energies and events, and no kernel is made for a chart."""
+    forces = {"sampled": Sampler(pushed, rate=100.0), "plain": [0.5, 0.0, 0.0]}.get(kind, pushed)
+    names = lw.robots.rrr3().actuators
+    drives = dict.fromkeys(names, Lag(0.05)) if kind == "drives" else None
+    events = [Event(lambda t, state: state.rate(names[1]), name="turned round")]
+    own, told = told_and_own(
+        monkeypatch, each="joint_acceleration", forces=forces, drives=drives, events=events
+    )
+    for name in MEASURED:
+        expected = own[name].values
+        np.testing.assert_allclose(
+            told[name].values, expected, atol=1e-7 * max(1.0, np.abs(expected).max()), err_msg=name
+        )
+    times = [run.dataset.event_time.values for run in (own, told)]
+    np.testing.assert_allclose(*times, atol=1e-8)
+    assert times[0].size
+
+
+def test_a_run_by_tables_with_drives_goes_on_bit_for_bit(monkeypatch):
+    """Stopped in a chart that is told, and gone on with by the same robot and by a fresh one."""
+    monkeypatch.setattr(charts, "LARGE", 0)
+    robot, fresh = lw.Robot(lw.robots.rrr3()), lw.Robot(lw.robots.rrr3())
+    given = {"forces": pushed, "drives": dict.fromkeys(robot.actuators, Lag(0.05))}
+    start = robot.home.with_rates([4.0, -3.0, 2.0])
+    half = robot.simulate(start, duration=0.5, **given)
+    assert len(robot.run_charts) > 2
+    one, other = (each.resume(half, duration=0.5, **given) for each in (robot, fresh))
+    for name in ("joint_position", "joint_rate", "joint_acceleration", "drive_state"):
+        np.testing.assert_array_equal(one[name].values, other[name].values)
+
+
+def test_what_asks_for_the_chart_itself_is_compiled_for_it(monkeypatch):
+    """det S is that of the rates that are independent at the moment; no table tells it."""
+    monkeypatch.setattr(charts, "LARGE", 0)
+    robot = lw.Robot(lw.robots.rrr3())
+    start = robot.home.with_rates([4.0, -3.0, 2.0])
+    watched = Event(lambda t, state: state.actuation_determinant, name="singular")
+    run = robot.simulate(start, duration=1.0, events=[watched])
+    assert run.success and len(robot.run_charts) > 1
+    state = run.final
+    np.testing.assert_allclose(
+        robot.observe(state).actuation_determinant, np.linalg.det(robot.actuation(state)), 1e-9
+    )
+    np.testing.assert_allclose(robot.observe(state).positions, state.positions, atol=1e-12)

@@ -69,6 +69,11 @@ class Acting:
         return {quantity.name for quantity in self.quantities if quantity.kind == "position"}
 
     @property
+    def charted(self) -> bool:
+        """Whether what is read depends on the choice of independent rates."""
+        return any(quantity.kind == "actuation_determinant" for quantity in self.quantities)
+
+    @property
     def held(self) -> int:
         """Number of inputs that are held by a sampled controller."""
         return self.function.numel_in("held")

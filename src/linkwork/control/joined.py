@@ -19,7 +19,7 @@ from linkwork.control.acting import OUTPUTS, Acting
 from linkwork.control.continued import continued
 from linkwork.control.drives import Ideal
 from linkwork.control.observation import expression
-from linkwork.equations import Equations
+from linkwork.equations import Equations, uncharted
 from linkwork.equations.powers import contact_terms, power_terms
 
 DIRECTION = "d"  # the input of a derivative along a direction
@@ -102,14 +102,19 @@ class Joined:
         }
 
     @cached_property
-    def accelerations(self) -> ca.SX:
-        """The accelerations v' (n)."""
+    def applied(self) -> ca.SX:
+        """The forces of actuators and wrenches on the rates v (n)."""
         equations = self.equations
         applied = ca.mtimes(equations.actuation.T, self.outputs["force"])
         parts = ca.vertsplit(self.outputs["wrenches"], 6) if self.acting.wrenches else []
         for wrench, part in zip(self.acting.wrenches, parts, strict=True):
             applied += wrench.on_rates(equations, part)
-        return equations.accelerations(applied)
+        return applied
+
+    @cached_property
+    def accelerations(self) -> ca.SX:
+        """The accelerations v' (n)."""
+        return self.equations.accelerations(self.applied)
 
     @cached_property
     def derivatives(self) -> ca.SX:
@@ -118,24 +123,30 @@ class Joined:
         return ca.vertcat(q_dot, self.accelerations, self.outputs["extra_rates"])
 
     @property
-    def pivot(self) -> ca.SX:
-        """The weakest relative pivot; nan where a drive might hide that its command is no finite
-        number."""
+    def defined(self) -> ca.SX:
+        """1; nan where a drive might hide that its command is no finite number."""
         commands = ca.vertsplit(self.outputs["command"])
         driven = [
             c
             for c, drive in zip(commands, self.acting.drives, strict=True)
             if not isinstance(drive, Ideal)
         ]
-        pivot = self.equations.elimination.pivot
-        return (
-            ca.if_else(ca.norm_1(ca.vertcat(*driven)) < ca.inf, pivot, np.nan) if driven else pivot
-        )
+        if not driven:
+            return ca.SX(1)
+        return ca.if_else(ca.norm_1(ca.vertcat(*driven)) < ca.inf, 1, np.nan)
 
     def motion(self) -> ca.Function:
         """Return (q, v, z, r, p) -> y' and the weakest relative pivot, undefined where a command
         that is driven with is."""
-        return self._function("system", {"derivatives": self.derivatives, "pivot": self.pivot})
+        pivot = self.equations.elimination.pivot * self.defined
+        return self._function("system", {"derivatives": self.derivatives, "pivot": pivot})
+
+    def balance(self) -> ca.Function:
+        """Return (q, w, z, r, p) -> what `uncharted.balance` gives, z', and `defined`; the rates v
+        have to be those of the whole tree."""
+        outputs = uncharted.balance(self.equations, self.applied)
+        more = {"extra_rates": self.outputs["extra_rates"], "defined": self.defined}
+        return self._function("balance", outputs | more)
 
     def jacobian(self) -> ca.Function:
         """Return (q, v, z, r, p) -> df/dy and df/dr, column by column."""
@@ -173,12 +184,17 @@ class Joined:
         return self._function("held", {"held": self.outputs["next_held"]})
 
     def recorded(self) -> ca.Function:
-        """Return (q, v, z, r, p) -> v', command, force and wrenches (moment, force) in the ground's
+        """Return (q, v, z, r, p) -> v' and what `acted` gives."""
+        return self._function("recorded", {"dv": self.accelerations} | self._acted)
+
+    def acted(self) -> ca.Function:
+        """Return (q, v, z, r, p) -> command, force and wrenches (moment, force) in the ground's
         axes."""
-        names = ("command", "force", "wrenches")
-        return self._function(
-            "recorded", {"dv": self.accelerations} | {name: self.outputs[name] for name in names}
-        )
+        return self._function("acted", self._acted)
+
+    @property
+    def _acted(self) -> dict[str, ca.SX]:
+        return {name: self.outputs[name] for name in ("command", "force", "wrenches")}
 
     def powers(self) -> ca.Function:
         """Return (q, v, z, r, p) -> what `power_terms` gives."""

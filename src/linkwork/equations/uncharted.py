@@ -32,16 +32,28 @@ def closure(equations: Equations) -> ca.Function:
 
 
 def forces(equations: Equations) -> ca.Function:
-    """Return (q, w, u) -> q' (nq), H (nv x nv), the forces S' u + f - h (nv), and gamma (rows)."""
+    """Return (q, w, u) -> what `balance` gives, and 1: all of it is defined."""
     free = uncharted(equations)
     u = SX.sym("u", len(equations.mechanism.actuators))
-    outputs = {
+    outputs = balance(free, ca.mtimes(free.actuation.T, u)) | {"defined": SX(1)}
+    return function("forces", free, outputs, v=free.v, u=u)
+
+
+def bias(equations: Equations) -> ca.Function:
+    """Return (q, w) -> gamma (rows)."""
+    gamma, w = equations.rows.gamma, equations.rows.rates
+    return function("bias", equations, {"gamma": gamma}, w=w)
+
+
+def balance(free: Equations, applied: ca.SX) -> dict[str, ca.SX]:
+    """Return q' (nq), H (nv x nv), the applied forces + f - h (nv), and gamma (rows) of equations
+    in which every rate of the tree counts as independent."""
+    return {
         "derivatives": free.tree.derivatives(free.v),
         "H": free.inertia[0],
-        "forces": ca.mtimes(free.actuation.T, u) - free.bias_forces(free.gravity),
+        "forces": applied - free.bias_forces(free.gravity),
         "gamma": ca.substitute(free.rows.gamma, free.rows.rates, free.v),
     }
-    return function("forces", free, outputs, v=free.v, u=u)
 
 
 def moved(equations: Equations) -> ca.Function:

@@ -50,3 +50,11 @@ class BoundFunction:
         x, y = np.concatenate(parts), np.empty(self.n_out)
         _ONE(self.address)(x.ctypes.data, y.ctypes.data)
         return y
+
+    def rows(self, *parts: np.ndarray) -> np.ndarray:
+        """Return the outputs (K, n_out) of K states, one by one; parts: (K, ...), or (...) for all
+        of them."""
+        count = max(len(part) for part in parts if part.ndim > 1)
+        each = [np.broadcast_to(part, (count, part.shape[-1])) for part in parts]
+        found = [self.flat(*state) for state in zip(*each, strict=True)]
+        return np.array(found).reshape(count, self.n_out)

@@ -26,6 +26,7 @@ from linkwork.checks import known
 from linkwork.equations import Equations, chart_in, charts_at, functions
 from linkwork.equations.chart import Chart, faced
 from linkwork.equations.chart_choice import DETERMINED, strengths
+from linkwork.equations.uncharted import uncharted
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.kernels.bound import BoundFunction
@@ -70,6 +71,7 @@ class CompiledChart:
     p: np.ndarray
     _kernels: dict[str, Kernel] = field(default_factory=dict, repr=False)
     _kept: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    _free_kernels: dict[str, Kernel] = field(default_factory=dict, repr=False)
     home: CompiledChart | None = field(default=None, repr=False)
     _counted: list[int] = field(default_factory=lambda: [0], repr=False)
 
@@ -108,17 +110,41 @@ class CompiledChart:
         to code that is there already (`tabled`), until the chart has been used for so long that
         code of its own pays.
         """
-        tabled = self.home is not None and self.home.large and self._counted[0] < OWN
-        return self._tabled(name) if tabled else self.kernel(name)
+        return self.by_table(name) if self.told() else self.kernel(name)
+
+    def told(self, states: int = 1) -> bool:
+        """Whether a table tells the chart when so many states are evaluated one by one."""
+        return self.home is not None and self.home.large and self._counted[0] + states <= OWN
 
     def count(self, evaluations: int) -> None:
         """Count how often the chart was evaluated one by one."""
         self._counted[0] += evaluations
 
     @cached_property
-    def _tabled(self) -> Callable[[str], BoundFunction]:
+    def by_table(self) -> Callable[..., BoundFunction]:
+        """Return `tabled` functions of this chart, by name and what acts."""
         shared = self.home or self
         return lru_cache(maxsize=None)(partial(tabled, shared.compiled, self.equations))
+
+    @cached_property
+    def free(self) -> CompiledChart:
+        """The equations of all charts in the rates w of the whole tree: their kernels take w for v,
+        and what they tell of accelerations is not constrained."""
+        if self.home is not None:
+            return self.home.free
+        return CompiledChart(uncharted(self.equations), self.p, self._free_kernels)
+
+    def in_tree(
+        self, q: np.ndarray, v: np.ndarray, p: np.ndarray, v_dot: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return w = L v and w' = L v' + b (K, nv) of states (K, ...), one by one.
+
+        p: (np) or (K, np); v_dot: zero if left out
+        """
+        v_dot = np.zeros(v.shape) if v_dot is None else v_dot
+        found = self.by_table("tree_motion").rows(q, v, v_dot, p)
+        w, w_dot = np.hsplit(found, 2)
+        return np.ascontiguousarray(w), np.ascontiguousarray(w_dot)
 
     @cached_property
     def large(self) -> bool:
@@ -211,6 +237,15 @@ class CompiledChart:
             return w[:-1], w[-1]
         w, pivot = self.kernel("tree_rates")(q, v, p)
         return w, pivot[..., 0]
+
+    def joints_moving(
+        self, q: np.ndarray, v: np.ndarray, v_dot: np.ndarray, p: np.ndarray, told: bool
+    ) -> tuple[np.ndarray, ...]:
+        """Return positions, as they are read off the tree's, rates and accelerations (K, m) of all
+        joints; told: by a table, and a kernel that all charts share."""
+        if not told:
+            return self.kernel("joints_motion")(q, v, v_dot, p)[:3]
+        return self.free.kernel("joints_motion")(q, *self.in_tree(q, v, p, v_dot), p)[:3]
 
     def from_tree(self, w: np.ndarray) -> np.ndarray:
         """Return v (..., n) from the rates of the whole tree."""

@@ -40,9 +40,14 @@ def observation(
     labels = {"position": names.coordinates, "rate": names.rates}
 
     @cache
+    def rated() -> tuple[CompiledChart, np.ndarray]:
+        """The chart whose kernels evaluate what depends on no choice of it, and its rates."""
+        return (chart.free, chart.weighed(q, v, chart.p)[0]) if chart.told() else (chart, v)
+
+    @cache
     def joints() -> dict[str, np.ndarray]:
-        kernel = chart.compiled("observation of joints", joints_function)
-        positions, rates = kernel(q, v, chart.p)
+        own, rates = rated()
+        positions, rates = own.compiled("observation of joints", joints_function)(q, rates, chart.p)
         return dict(zip(JOINTS, (turned(positions), rates), strict=True))
 
     @cache
@@ -50,10 +55,11 @@ def observation(
         if key.name in labels.get(key.kind, ()):
             place = labels[key.kind].index(key.name)
             return joints()[key.kind][place : place + 1]
-        kernel = chart.compiled(
+        own, rates = (chart, v) if key.kind == "actuation_determinant" else rated()
+        kernel = own.compiled(
             f"observation of {key}", lambda equations: quantity_function(equations, key)
         )
-        return kernel(q, v, chart.p)[0]
+        return kernel(q, rates, chart.p)[0]
 
     def parameter(name: str, default: float) -> float:
         return (parameters or {}).get(name, default)

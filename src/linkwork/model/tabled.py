@@ -20,40 +20,68 @@ from linkwork.kernels.bound import BoundFunction
 
 Compiled = Callable[[str, Callable[[Equations], ca.Function]], Kernel]
 
-KERNELS = {"closure": uncharted.closure, "forces": uncharted.forces, "moved": uncharted.moved}
+BESIDE = {
+    "motion": uncharted.forces,
+    "closure_step": uncharted.moved,
+    "tree_motion": uncharted.bias,
+}  # what entries need beside Phi, by name
 
 
-def tabled(compiled: Compiled, equations: Equations, name: str) -> BoundFunction:
-    """Return motion, closure_step or tree_rates of equations in a chart, for one state.
+def tabled(
+    compiled: Compiled, equations: Equations, name: str, acting: Kernel | None = None
+) -> BoundFunction:
+    """Return motion, closure_step, tree_rates, tree_motion or what is seen of equations in a
+    chart, for one state.
 
     compiled: returns the kernel of a function of these equations, under a key for all charts
+    acting: of (q, w, z, r, p), in place of plain forces: `Joined.balance` of motion, or what is
+        seen
     """
     from linkwork.simulation import partitioned  # Numba is opened when a run needs it
 
-    kernels = [compiled(f"uncharted {key}", make) for key, make in KERNELS.items()]
+    kernels = [compiled("uncharted closure", uncharted.closure)]
+    if acting is not None:
+        kernels.append(acting)
+    elif name in BESIDE:
+        kernels.append(compiled(f"uncharted {name}", BESIDE[name]))
+    addresses = [*(kernel.address for kernel in kernels), 0][: partitioned.ADDRESSES]
+    told = sizes(equations, acting)
     table = np.array(
         [
-            *sizes(equations),
-            *(kernel.address for kernel in kernels),
+            *told,
+            *addresses,
             *elimination(equations.chart, equations.rows.pattern),
         ],
         float,
     )
-    nq, nv, n, *_, inputs, parameters, _ = sizes(equations)
+    nq, nv, n, _, _, inputs, parameters, _, states, own = told
+    given = nq + n + inputs + parameters + own
     shapes = {
-        "motion": (nq + n + inputs + parameters, nq + n + 1),
+        "motion": (given, nq + n + states + 1),
         "closure_step": (nq + parameters, nq + 1),
         "tree_rates": (nq + n + parameters, nv + 1),
+        "tree_motion": (nq + 2 * n + parameters, 2 * nv),
+        "seen": (given, kernels[-1].n_out),
     }
     return BoundFunction(partitioned.entry(name), table, *shapes[name], *kernels)
 
 
-def sizes(equations: Equations) -> tuple[int, ...]:
-    """Return nq, nv, n, dependent rates, rows, inputs, parameters and blocks."""
-    inputs, parameters = len(equations.mechanism.actuators), equations.p.numel()
+def sizes(equations: Equations, acting: Kernel | None = None) -> tuple[int, ...]:
+    """Return nq, nv, n, dependent rates, rows, inputs, parameters and blocks, and of what acts the
+    states z and the parameters."""
+    parameters, states, own = equations.p.numel(), 0, 0
+    inputs = len(equations.mechanism.actuators)
+    if acting is not None:
+        _, _, (_, states), (_, signals), (_, every) = acting.inputs
+        inputs, own = states + signals, every - parameters
     rows, blocks = len(equations.rows.names), len(equations.chart.blocks)
-    dependent, n = len(equations.chart.dependent), equations.mobility
-    return equations.nq, equations.nv, n, dependent, rows, inputs, parameters, blocks
+    dependent, n, nq, nv = (
+        len(equations.chart.dependent),
+        equations.mobility,
+        equations.nq,
+        equations.nv,
+    )
+    return nq, nv, n, dependent, rows, inputs, parameters, blocks, states, own
 
 
 def elimination(chart: Chart, pattern: Mapping[int, Mapping[int, bool]]) -> list[float]:

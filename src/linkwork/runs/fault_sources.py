@@ -23,7 +23,7 @@ def fault_source(system: System, segment: Segment) -> str:
     y, p, fault = np.concatenate([last.q_end, last.v_end]), system.p(chart), int(last.outcome.fault)
     for ahead in AHEAD:
         u = np.concatenate([system.inputs(last.end_time + ahead), held])
-        slope = system.kernel(chart, "motion").flat(y, u, p)
+        slope = system.single(chart, "motion").flat(y, u, p)
         moved = y + ahead * np.where(np.isfinite(slope), slope, 0.0)[: y.size]
         lost = undefined(system, chart, np.concatenate([moved, u, p]), u)
         if lost or (lost := in_motion(chart, moved[:n])):

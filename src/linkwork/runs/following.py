@@ -112,9 +112,8 @@ def steps(segment: Segment) -> Iterator[Trajectory]:
 
 def moving(chart: CompiledChart, time: np.ndarray, q: np.ndarray, v: np.ndarray) -> SampledMotion:
     """Return the motion at states in a chart (K, ...)."""
-    read, rates, *_ = chart.kernel("joints_motion")(
-        np.ascontiguousarray(q), np.ascontiguousarray(v), 0 * v
-    )
+    q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
+    read, rates, _ = chart.joints_moving(q, v, 0 * v, chart.p, chart.told(len(q)))
     return SampledMotion(time, read, rates)
 
 

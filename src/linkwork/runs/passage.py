@@ -403,7 +403,7 @@ class Passage:
         system, chart = self.system, crossing.chart
         if not system.events:
             return
-        kernel, p = system.kernel(chart, "events"), system.p(chart)
+        kernel, p = system.single(chart, "events"), system.p(chart)
         values = [
             kernel.flat(np.concatenate([y, u, p]))
             for y, u in zip(crossed.y, crossed.u, strict=True)

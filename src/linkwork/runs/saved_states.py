@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
 import casadi as ca
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from linkwork.equations import Equations
 from linkwork.equations.powers import contacts, powers
 from linkwork.errors import LinkworkError
+from linkwork.kernels.bound import BoundFunction
 from linkwork.model import dexterity, task
 from linkwork.model.charts import CompiledChart
 from linkwork.model.reactions import Samples, transmitted
@@ -124,13 +125,34 @@ class SavedStates:
         return np.ascontiguousarray(self.p[..., : self.robot.p.size])
 
     @cached_property
+    def _told(self) -> bool:
+        """Whether a table tells the chart: then what all charts share is measured in the rates w of
+        the whole tree."""
+        return self.system.told(self.chart, len(self.y))
+
+    @cached_property
+    def _rated(self) -> tuple[CompiledChart, np.ndarray]:
+        """The chart that joints, bodies and energies are measured in, and its rates (K, ...)."""
+        if not self._told:
+            return self.chart, self.v
+        return self.chart.free, self.chart.in_tree(self.q, self.v, self.p_robot)[0]
+
+    @cached_property
     def _recorded(self) -> tuple[np.ndarray, ...]:
-        kernel = self.system.kernel(self.chart, "recorded")
-        return kernel(self.q, self.v, self.z, self.u, self.p)
+        """v', command, force and wrenches; the first by a table where one tells the chart."""
+        given = self.z, self.u, self.p
+        if not self._told:
+            return self.system.kernel(self.chart, "recorded")(self.q, self.v, *given)
+        chart, w = self._rated
+        return self.v_dot, *self.system.kernel(chart, "acted")(self.q, w, *given)
 
     @cached_property
     def v_dot(self) -> np.ndarray:
         """Accelerations of the independent rates (K, n)."""
+        if self._told:
+            motion = cast(BoundFunction, self.system.single(self.chart, "motion"))
+            rows = motion.rows(self.q, self.v, self.z, self.u, self.p)
+            return rows[:, self.q.shape[1] :][:, : self.v.shape[1]]
         if self.system.acting is not None:
             return self._recorded[0]
         return self.chart.kernel("motion")(self.q, self.v, self.u, self.p_robot)[1]
@@ -147,7 +169,7 @@ class SavedStates:
         """Return positions, as they are read off the tree's, rates and accelerations (K, m) of all
         joints.
         """
-        return self.chart.kernel("joints_motion")(self.q, self.v, v_dot, self.p_robot)[:3]
+        return self.chart.joints_moving(self.q, self.v, v_dot, self.p_robot, self._told)
 
     @cached_property
     def joints(self) -> tuple[np.ndarray, ...]:
@@ -173,7 +195,8 @@ class SavedStates:
     @cached_property
     def energies(self) -> np.ndarray:
         """Kinetic and potential energy (2, K) [J]."""
-        found = self.chart.kernel("energy")(self.q, self.v, self.p_robot)
+        chart, v = self._rated
+        found = chart.kernel("energy")(self.q, v, self.p_robot)
         return np.array([found[0][:, 0], found[1][:, 0]])
 
     @property
@@ -207,13 +230,15 @@ class SavedStates:
     def _strained(self, name: str, make: Callable[[Equations], ca.Function]) -> tuple[Any, ...]:
         """Return what a function of q and v gives; with the states of bristles where there are
         any."""
+        chart, v = self._rated
         if self.robot.names.strains:
-            return self.system.kernel(self.chart, name)(self.q, self.v, self.z, self.u, self.p)
-        return self.chart.compiled(name, make)(self.q, self.v, self.p_robot)
+            return self.system.kernel(chart, name)(self.q, v, self.z, self.u, self.p)
+        return chart.compiled(name, make)(self.q, v, self.p_robot)
 
     @cached_property
     def _bodies(self) -> tuple[np.ndarray, ...]:
-        return self.chart.kernel("bodies_motion")(self.q, self.v, self.p_robot)
+        chart, v = self._rated
+        return chart.kernel("bodies_motion")(self.q, v, self.p_robot)
 
     def about_centres(self) -> Iterator[tuple[int, np.ndarray]]:
         """Yield the body's number and (moment about its mass centre, force) (K, 6) of each external

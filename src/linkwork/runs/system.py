@@ -28,6 +28,7 @@ from linkwork.control.tracing import CONTROLLER, Reference, ordered
 from linkwork.control.wrenches import Wrench
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
+from linkwork.kernels.bound import BoundFunction
 from linkwork.model import checks
 from linkwork.model.charts import BUILDING, CompiledChart
 from linkwork.model.labels import Labels
@@ -130,11 +131,23 @@ class System:
             f"{self.acting.key} {name}", lambda _: getattr(self.joined(chart), name)()
         )
 
+    def single(self, chart: CompiledChart, name: str) -> Kernel | BoundFunction:
+        """Return what evaluates one state: motion, events or held of `Joined`; the kernel, or a
+        table in charts of which these are told by tables."""
+        if self.acting is None:
+            return chart.single(name)
+        if not self.told(chart):
+            return self.kernel(chart, name)
+        entry, asked = ("motion", "balance") if name == "motion" else ("seen", name)
+        return chart.by_table(entry, self.kernel(chart.free, asked))
+
+    def told(self, chart: CompiledChart, states: int = 1) -> bool:
+        """Whether a table tells the chart when so many states are evaluated one by one."""
+        return chart.told(states) and not (self.acting and self.acting.charted)
+
     def motion(self, chart: CompiledChart) -> int:
         """Return the address of void(const double *in, double *out): y' and the pivot."""
-        if self.acting is None:
-            return chart.single("motion").address
-        return self.kernel(chart, "motion").address
+        return self.single(chart, "motion").address
 
     def jacobian(self, chart: CompiledChart) -> int:
         """Return the address of void(const double *in, double *out): df/dy and df/dr by columns."""
@@ -149,7 +162,7 @@ class System:
         """
         if self.acting is None or self.sampler is None:
             return None
-        function = self.kernel(chart, "held") if self.sampler.compiled else self._callback(chart)
+        function = self.single(chart, "held") if self.sampler.compiled else self._callback(chart)
         if before is not None:
             return replace(before, address=function.address)
         return Control(function.address, self.sampler.period, np.zeros(self.acting.held))
@@ -163,7 +176,7 @@ class System:
             Condition(event.terminal and watching, event.direction, event.cuts)
             for event in self.events
         )
-        return Events(self.kernel(chart, "events").address, conditions)
+        return Events(self.single(chart, "events").address, conditions)
 
     def watch(self, chart: CompiledChart, span: tuple[float, float]) -> Watch | None:
         """Return what no step may pass over within a span [s] beside the inputs, if there is

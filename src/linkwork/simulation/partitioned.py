@@ -8,10 +8,13 @@ by Gauss and Jordan's elimination in the order that the table holds, so that one
 all charts of a mechanism: slower than code of a chart's own, and there at once. The results are the
 same but for rounding.
 
-The table holds, as doubles: the sizes nq, nv, n, d (dependent rates), rows, inputs, parameters and
-blocks; the addresses of three kernels (`equations.uncharted`): closure, forces, moved; the
-independent rates (n); the dependent ones and the kept rows (d each) in the order of elimination;
-and for each block of it how many they are, the scale of its determinant, and whether that varies.
+The table holds, as doubles: the sizes nq, nv, n, d (dependent rates), rows, inputs, parameters,
+blocks, and of what acts the states z, which are the first of the inputs, and parameters of its own;
+the addresses of two kernels (`equations.uncharted`): closure, and what an entry asks beside: forces
+of motion, moved of closure_step, bias of tree_motion, of seen any function of (q, w, inputs,
+parameters); the independent rates (n); the dependent ones and the kept rows (d each) in the order
+of elimination; and for each block of it how many they are, the scale of its determinant, and
+whether that varies.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ from numba import cfunc, njit, types
 from linkwork.simulation.pointers import POINTER, call, pointer
 
 HIDDEN = 1e-13  # part of a product that rounding hides
-SIZES, ADDRESSES = 8, 3
+SIZES, ADDRESSES = 10, 2
 INVERSE = 9  # numbers of the largest block's inverse
 
 OPTIONS = {"error_model": "numpy", "nogil": True}
@@ -34,7 +37,7 @@ ENTRY = types.void(POINTER, POINTER, POINTER)
 
 @njit(**OPTIONS)
 def sized(t):
-    """Return nq, nv, n, d, rows, inputs, parameters, blocks."""
+    """Return nq, nv, n, d, rows, inputs, parameters, blocks; `acts` has the others."""
     return (
         int(t[0]),
         int(t[1]),
@@ -181,33 +184,60 @@ def solved_positive(M, n, b):
         b[0] = math.inf
 
 
-def motion(x, out, t):
-    """Compute (q, v, u, p) -> q', v' and the weakest relative pivot."""
-    nq, nv, n, d, rows, inputs, parameters, _ = sized(t)
-    independent = t + (SIZES + ADDRESSES)
-    columns, kept, width = independent + n, independent + n + d, n + 2 * d
-    given = nq + nv + inputs + parameters
-    found = nq + nv * nv + nv + rows
-    room = np.empty(d * width + given + found + rows * (nv + 1) + 1 + 2 * d * n + n * n + 2 * d)
-    W = pointer(room)
-    work = W + d * width
+@njit(**OPTIONS)
+def acts(t):
+    """Return numbers of the states z and the parameters of what acts."""
+    return int(t[8]), int(t[9])
+
+
+@njit(**OPTIONS)
+def in_tree(t, x, W, work):
+    """Fill work with (q, w, inputs, parameters) from x = (q, v, inputs, parameters); return the
+    weakest relative pivot."""
+    nq, nv, n, _, _, inputs, parameters, _ = sized(t)
     pivot = opened(t, x, x + (nq + n + inputs), W, work)
-    # Forces on the tree's rates.
     for i in range(nq):
         work[i] = x[i]
     whole(t, W, x + nq, work + nq)
-    for i in range(inputs + parameters):
+    for i in range(inputs + parameters + acts(t)[1]):
         work[nq + nv + i] = x[nq + n + i]
-    terms = work + given
-    call(int(t[SIZES + 1]), work, terms)
-    H, forces = terms + nq, terms + (nq + nv * nv)
-    gamma = forces + nv
-    b, HL, M = gamma + rows, gamma + (rows + d), gamma + (rows + d + d * n)
-    # b_d, and forces less H b.
+    return pivot
+
+
+@njit(**OPTIONS)
+def biased(t, W, gamma, b):
+    """Fill b_d (d) in the order of elimination."""
+    _, _, n, d, _, _, _, _ = sized(t)
+    kept, width = t + (SIZES + ADDRESSES + n + d), n + 2 * d
     for i in range(d):
         b[i] = 0.0
         for j in range(d):
             b[i] -= W[i * width + d + n + j] * gamma[int(kept[j])]
+
+
+def motion(x, out, t):
+    """Compute (q, v, z, r, p) -> q', v', z' and the weakest relative pivot; without what acts z are
+    no numbers, and r are the forces u."""
+    nq, nv, n, d, rows, inputs, parameters, _ = sized(t)
+    states, own = acts(t)
+    independent = t + (SIZES + ADDRESSES)
+    columns, width = independent + n, n + 2 * d
+    given = nq + nv + inputs + parameters + own
+    found = nq + nv * nv + nv + rows + states + 1
+    room = np.empty(d * width + given + found + rows * (nv + 1) + 1 + 2 * d * n + n * n + 2 * d)
+    W = pointer(room)
+    work = W + d * width
+    # Forces on the tree's rates, z', and 1 where all of it is defined.
+    pivot, terms = in_tree(t, x, W, work), work + given
+    call(int(t[SIZES + 1]), work, terms)
+    H, forces = terms + nq, terms + (nq + nv * nv)
+    gamma, b = forces + nv, terms + found
+    HL, M, rates = b + d, b + (d + d * n), forces + (nv + rows)
+    for i in range(states):
+        out[nq + n + i] = rates[i]
+    out[nq + n + states] = pivot * rates[states]
+    # Forces less H b.
+    biased(t, W, gamma, b)
     for j in range(d):
         column = int(columns[j])
         for i in range(nv):
@@ -239,7 +269,6 @@ def motion(x, out, t):
         for k in range(d):
             result[i] += W[k * width + d + i] * forces[int(columns[k])]
     solved_positive(M, n, result)
-    result[n] = pivot
     room[0] = 0  # its memory lives to here
 
 
@@ -265,7 +294,7 @@ def closure_step(x, out, t):
             s[place] -= W[i * width + d + n + j] * phi[int(kept[j])]
     for i in range(parameters):
         s[nq + nv + i] = x[nq + i]
-    call(int(t[SIZES + 2]), s, out)
+    call(int(t[SIZES + 1]), s, out)
     step[0] = room[0] = 0  # their memory lives to here
 
 
@@ -280,11 +309,51 @@ def tree_rates(x, out, t):
     room[0] = 0  # its memory lives to here
 
 
+def tree_motion(x, out, t):
+    """Compute (q, v, v', p) -> w = L v and w' = L v' + b."""
+    nq, nv, n, d, rows, _, parameters, _ = sized(t)
+    columns, given = t + (SIZES + ADDRESSES + n), nq + nv + parameters
+    room = np.empty(d * (n + 2 * d) + given + rows * (nv + 1) + 1 + d)
+    W = pointer(room)
+    work = W + d * (n + 2 * d)
+    # gamma of q and w.
+    opened(t, x, x + (nq + 2 * n), W, work)
+    whole(t, W, x + nq, out)
+    for i in range(nv):
+        work[nq + i] = out[i]
+    for i in range(parameters):
+        work[nq + nv + i] = x[nq + 2 * n + i]
+    gamma = work + given
+    call(int(t[SIZES + 1]), work, gamma)
+    # b is zero but for b_d.
+    b = gamma + rows
+    biased(t, W, gamma, b)
+    whole(t, W, x + (nq + n), out + nv)
+    for i in range(d):
+        out[nv + int(columns[i])] += b[i]
+    room[0] = 0  # its memory lives to here
+
+
+def seen(x, out, t):
+    """Compute (q, v, inputs, parameters) -> the table's function of (q, w, inputs, parameters)."""
+    nq, nv, n, d, rows, inputs, parameters, _ = sized(t)
+    given = nq + nv + inputs + parameters + acts(t)[1]
+    room = np.empty(d * (n + 2 * d) + given + rows * (nv + 1) + 1)
+    W = pointer(room)
+    work = W + d * (n + 2 * d)
+    in_tree(t, x, W, work)
+    call(int(t[SIZES + 1]), work, out)
+    room[0] = 0  # its memory lives to here
+
+
+ENTRIES = {each.__name__: each for each in (motion, closure_step, tree_rates, tree_motion, seen)}
+
+
 @cache
 def entry(name: str) -> int:
-    """Return the address of void(const double *in, double *out, const double *table): motion,
-    closure_step or tree_rates; compiled once on a machine where Numba can keep it."""
-    function = {"motion": motion, "closure_step": closure_step, "tree_rates": tree_rates}[name]
+    """Return the address of void(const double *in, double *out, const double *table), by the name
+    of one of ENTRIES; compiled once on a machine where Numba can keep it."""
+    function = ENTRIES[name]
     try:
         compiled = cfunc(ENTRY, cache=True, **OPTIONS)(function)
     except RuntimeError:  # Numba found no folder that it may write to
