@@ -153,6 +153,33 @@ def test_a_run_plays_to_its_end(chromium, viewer):
     browser.page.close()
 
 
+def test_a_hand_pulls_while_the_simulation_goes_on(chromium, viewer, robot):
+    home(viewer)
+    browser = Browser(chromium, viewer)
+    browser.page.get_by_role("tab", name="Simulate").click()
+    browser.page.get_by_label("slide_1 [N]").fill("0")
+    browser.page.get_by_role("button", name="Go on live, and pull").click()
+    until(lambda: viewer.session.live is not None and viewer.stage.grip.visible)
+    place = np.array(viewer.stage.grip.position)
+    x, y = on_screen(browser.client.camera, place + 0.8 * viewer.stage.grip.scale * np.eye(3)[0])
+    browser.page.mouse.move(x, y)
+    browser.page.wait_for_timeout(300)
+    browser.page.mouse.down()
+    for k in range(1, 6):
+        browser.page.mouse.move(x + 8 * k, y)
+    until(lambda: viewer.session.hand is not None)
+    until(lambda: tool(viewer)[0] > place[0] + 0.005)
+    assert "pull at platform:" in browser.text()
+    browser.page.mouse.up()
+    until(lambda: viewer.session.hand is None)
+    browser.page.get_by_role("button", name="End, and play it").click()
+    until(lambda: viewer.session.live is None and viewer.session.player.playing)
+    forces = viewer.session.replay.run["external_wrench"].values[:, 0, 3]
+    assert forces.max() > 0 and robot.closure_error(viewer.session.state) < 1e-9
+    assert browser.wrong == []
+    browser.page.close()
+
+
 def test_cameras_names_frames_and_the_trail_are_shown_on_request(chromium, viewer, robot):
     home(viewer)
     browser = Browser(chromium, viewer)

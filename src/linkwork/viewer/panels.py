@@ -27,6 +27,7 @@ from linkwork.views.style import COLOURS
 STEPS = 1000  # of a slider
 UNTOUCHED = 0.5  # how long after a touch a control is left to the hand that holds it [s]
 NONE = "none"
+GO_ON, END = "Go on live, and pull", "End, and play it"
 LAY_OVER, TAKE_AWAY = "Lay this run over the next", "Take away what is laid over"
 ANGLE, HALF_TURN = "the tool's angle", 3.142  # the slider's ends [rad]
 
@@ -40,6 +41,7 @@ class Desk(Protocol):
     def find_branches(self, same: str) -> None: ...
     def show_branch(self, index: int) -> None: ...
     def simulate(self, controller: str, forces: dict[str, float], duration: float) -> None: ...
+    def go_on(self, controller: str, forces: dict[str, float], body: str) -> None: ...
     def look(self, client: viser.ClientHandle, name: str) -> None: ...
 
 
@@ -230,9 +232,23 @@ class Panels:
         self.start = self.gui.add_button("Simulate from here")
         self.start.on_click(lambda _: self._simulate())
 
+        tools = [tool.body for tool in robot.mechanism.tools.values()]
+        self.body = self._add_dropdown("Pull at", tuple(robot.bodies), "The body that a hand holds")
+        self.body.value = (*tools, *robot.bodies)[0]
+        self.going = self.gui.add_button(
+            GO_ON, hint="Simulate as long as you watch, and pull at a body by its handle"
+        )
+        self.going.on_click(lambda _: self._go_on())
+
     def _simulate(self) -> None:
+        self.desk.simulate(*self._drive(), float(self.duration.value))
+
+    def _go_on(self) -> None:
+        self.desk.go_on(*self._drive(), str(self.body.value))
+
+    def _drive(self) -> tuple[str, dict[str, float]]:
         forces = {name: float(number.value) for name, number in self.forces.items()}
-        self.desk.simulate(str(self.controller.value), forces, float(self.duration.value))
+        return str(self.controller.value), forces
 
     def _add_dropdown(
         self, label: str, options: tuple[str, ...], hint: str
@@ -293,6 +309,7 @@ class Panels:
         if view.time is not None and not self._held("time", now):
             self.clock.value = float(np.clip(view.time, self.clock.min, self.clock.max))
         self.play.label = "Pause" if self.session.player.playing else "Play"
+        self.going.label = GO_ON if self.session.live is None else END
         self.facts.content = facts(self.session, view)
         if self.plot is not None and self.traces is not None:
             self.plot.data = self.traces.at(self.session.player.time)
@@ -346,6 +363,10 @@ def lines(session: Session, view: View) -> Iterator[str]:
         place = ", ".join(f"{x:.4f}" for x in np.round(view.tool[0][:axes], 4) + 0.0)
         turned = "" if view.angle is None else f", {np.round(view.angle, 4) + 0.0:.4f} rad"
         yield f"<br>tool at {place} m{turned}"
+    if view.pulled is not None:
+        force = ", ".join(f"{x:.3g}" for x in np.round(view.pulled.force, 9) + 0.0)
+        size = float(np.linalg.norm(view.pulled.force))
+        yield f"<br>pull at {escape(view.pulled.body)}: {size:.3g} N ({force})"
     if view.notice:
         yield f"<br><span style='color:#b34700' data-linkwork='notice'>{escape(view.notice)}</span>"
     yield "</div>"

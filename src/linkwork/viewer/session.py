@@ -26,12 +26,24 @@ from linkwork.viewer.arrows import NOTHING, ArrowField, ArrowLines, Arrows, draw
 from linkwork.viewer.hand_goals import HandGoal, ToolGoal, rotation_matrix
 from linkwork.viewer.marks import BodyMarks, Marks, marks_of
 from linkwork.viewer.player import Player
+from linkwork.viewer.pulling import Live
 from linkwork.viewer.pursuit import Pursuit
 from linkwork.viewer.replay import Replay, replay_of
 from linkwork.viewer.trail import HandTrail, RunTrail, segments, tool_points
 
 KINDS = ("actuator forces", "joint reactions", "velocities")
 SAMPLED = 25  # states of a run at which the largest reactions and velocities are looked for
+
+
+@dataclass(frozen=True, eq=False)
+class Pulled:
+    """Hold where a hand may pull at a body, or pulls: the body's name, the place (3) [m], the
+    hand's place (3) [m] and its force (3) [N]; without a hand None and zero."""
+
+    body: str
+    place: np.ndarray
+    hand: np.ndarray | None
+    force: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +58,8 @@ class View:
     conditioning: 0 to 1; closure: largest |phi| [m, rad]
     coordinates: of all joints by name [m, rad]; forces: of the actuators by name [N, N m], or None
         where none are defined
-    time: of the run [s], or None while posing; notice: one sentence on what stands in the way, or
+    time: of the run, or of the simulation that goes on [s], or None while posing; pulled: where a
+        hand may pull in that, or None; notice: one sentence on what stands in the way, or
         empty
     """
 
@@ -64,6 +77,7 @@ class View:
     coordinates: Mapping[str, float]
     forces: Mapping[str, float] | None
     time: float | None
+    pulled: Pulled | None
     notice: str
 
 
@@ -71,7 +85,8 @@ class View:
 class Session:
     """Hold the present state of what is shown; all its methods belong to one thread.
 
-    state: what is shown; goal: what is wanted of it, if anything; replay, path, player: the run,
+    state: what is shown; live: a simulation that goes on; hand: where a hand pulls in it (3) [m]
+    goal: what is wanted of the state, if anything; replay, path, player: the run,
         where it leads the tools, and where it stands; over: another one, shown at the same times
     following: whether the state is that of the run; shown: kinds of arrows, names and frames;
         trailing: whether the tools' trail is
@@ -86,6 +101,8 @@ class Session:
     goal: HandGoal | None = None
     replay: Replay | None = None
     over: Replay | None = None
+    live: Live | None = None
+    hand: np.ndarray | None = None
     path: RunTrail | None = None
     player: Player = field(default_factory=Player)
     following: bool = False
@@ -183,6 +200,7 @@ class Session:
             LinkworkError: the run is not one of this robot.
         """
         replay = replay_of(self.pursuit, run)
+        self.end()
         self.replay, self.goal, self.path = replay, None, RunTrail(replay)
         if replay.empty:
             self.player, self.notice = (
@@ -222,7 +240,8 @@ class Session:
         return max(straight for straight, _ in each), max(turning for _, turning in each)
 
     def pose_by_hand(self) -> None:
-        """Stop playing; what is shown stays where it is, at rest."""
+        """Stop playing, or what goes on; what is shown stays where it is, at rest."""
+        self.end()
         if self.following:
             self.led = HandTrail()
         self.player, self.following = replace(self.player, playing=False), False
@@ -231,6 +250,7 @@ class Session:
     def play(self) -> None:
         """Play or pause the run."""
         if self.playable:
+            self.end()
             self.player, self.following = self.player.toggled(), True
             self.follow_run()
 
@@ -238,6 +258,7 @@ class Session:
         """Go to a time of the run [s]."""
         time = checks.number(time, "the time")
         if self.playable:
+            self.end()
             self.player = self.player.at(time)
             self.follow_run()
 
@@ -251,10 +272,12 @@ class Session:
     @property
     def active(self) -> bool:
         """Tell whether anything moves by itself."""
-        return self.goal is not None or self.player.playing
+        return self.live is not None or self.goal is not None or self.player.playing
 
     def advance(self, seconds: float) -> bool:
         """Let time pass; return whether anything moved."""
+        if self.live is not None:
+            return self.go_on(self.live, seconds)
         if self.goal is not None:
             self.led.add(tool_points(self.robot, self.state))
             reached = self.pursuit.step(self.state, self.goal)
@@ -268,6 +291,28 @@ class Session:
             return True
         return False
 
+    def go_on(self, live: Live, seconds: float) -> bool:
+        """Let a simulation go on for some seconds; it ends where the motion does, which is said."""
+        if not seconds > 0:
+            return False
+        try:
+            live.advance(seconds, self.hand)
+        except LinkworkError as error:
+            self.end()
+            self.notice = f"the simulation ended: {error}"
+            return True
+        self.state = live.state
+        return True
+
+    def begin(self, live: Live) -> None:
+        """Let a simulation go on from now on."""
+        self.pose_by_hand()
+        self.live, self.goal, self.notice = live, None, ""
+
+    def end(self) -> None:
+        """Let no simulation go on any more, and no hand pull."""
+        self.live, self.hand = None, None
+
     def follow_run(self) -> None:
         if self.replay is not None and not self.replay.empty:
             self.following, self.state = True, self.replay.state(self.player.time)
@@ -276,6 +321,7 @@ class Session:
 
     def view(self) -> View:
         """Return what is to be seen now."""
+        # The tool, in the ground's axes.
         robot, state = self.robot, self.state
         out = self.pursuit.assembler.still(state.q)
         p, R = self.base()
@@ -284,9 +330,11 @@ class Session:
             if robot.mechanism.tools
             else None
         )
+        # Forces, and poses of all bodies, for which the rails are long enough.
         u = self.forces()
         poses = {GROUND: (np.zeros(3), np.eye(3)), **robot.body_poses(state)}
         self.rails = grown(self.rails, poses)
+        # All of it.
         return View(
             placement=self.layout.place(state),
             over=self.layout.place(self.over.state(self.player.time)) if self.over else None,
@@ -303,9 +351,18 @@ class Session:
             closure=float(np.abs(out["phi"]).max(initial=0.0)),
             coordinates=dict(zip(robot.coordinates, state.positions.tolist(), strict=True)),
             forces=None if u is None else dict(zip(robot.actuators, u.tolist(), strict=True)),
-            time=self.player.time if self.following else None,
+            time=self.live.time if self.live else self.player.time if self.following else None,
+            pulled=self.pulled(),
             notice=self.notice,
         )
+
+    def pulled(self) -> Pulled | None:
+        """Return where a hand pulls, or may pull; None where nothing goes on."""
+        live, hand = self.live, self.hand
+        if live is None:
+            return None
+        place = live.pull.place(self.robot, self.state)
+        return Pulled(live.pull.body, place, hand, live.force(hand))
 
     def trail(self) -> np.ndarray:
         """Return the lines (s, 2, 3) along which the tools came here [m]: those of the run so far,
@@ -328,6 +385,8 @@ class Session:
         None where none do."""
         if not self.robot.actuators:
             return None
+        if self.live is not None:
+            return self.live.forces
         if self.following and self.replay is not None:
             return self.replay.forces_at(self.player.time)
         try:

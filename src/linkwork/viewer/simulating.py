@@ -39,8 +39,15 @@ def simulate(
         else 2
     )
     times = np.linspace(0, duration, samples)
-    drive = dict(forces) if controller == CONTROLLERS[0] else holding(robot, state, forces)
+    drive = driving(robot, state, controller, forces)
     return robot.simulate(state, drive, duration=duration, save_at=times, on_singular="step_over")
+
+
+def driving(
+    robot: Robot, state: State, controller: str, forces: Mapping[str, float]
+) -> dict[str, float] | Callable:
+    """Return what drives the actuators from a state at rest: see `simulate`."""
+    return dict(forces) if controller == CONTROLLERS[0] else holding(robot, state, forces)
 
 
 def holding(robot: Robot, state: State, forces: Mapping[str, float]) -> Callable:

@@ -19,7 +19,7 @@ from linkwork.viewer.arrows import ArrowLines
 from linkwork.viewer.cameras import FIELD_OF_VIEW, camera, distance, follow, look, outlook
 from linkwork.viewer.conditioning import colour
 from linkwork.viewer.marks import FRAMES, Marks, written
-from linkwork.viewer.session import Session
+from linkwork.viewer.session import Pulled, Session
 
 ARROWS = {
     "actuator forces": rgb("#b35900"),
@@ -42,6 +42,7 @@ SKY, EARTH, LIGHT = (
     1.0,
 )  # light from all around: reflections and shadows cost too much
 TRAIL = 2.5  # width of the tools' trail [pixels]
+SPRING = 4.0  # width of the line from a body to the hand that pulls [pixels]
 AXIS, AXIS_RADIUS = 0.09, 0.0025  # of frames, relative to the mechanism
 
 
@@ -84,6 +85,7 @@ class BrowserStage:
         self.handle = (
             self._add_handle(session.pursuit.turns) if self.robot.mechanism.tools else None
         )
+        self.grip, self.spring = self._add_grip(), self._add_spring()
         self.arrows: dict[str, tuple[Any, Any]] = {}
         self.marks: dict[str, list[Any]] = {}
         self.lift = (
@@ -196,10 +198,44 @@ class BrowserStage:
                 batch.node.batched_positions = self.placed.positions[batch.group]
                 batch.node.batched_scales = self.placed.scales[batch.group]
 
-    def hold(self, tool: tuple[np.ndarray, np.ndarray]) -> None:
-        """Bring the handle to the tool."""
+    def hold(self, tool: tuple[np.ndarray, np.ndarray] | None) -> None:
+        """Bring the handle to the tool, or hide it."""
         if self.handle is not None:
-            self.handle.position, self.handle.wxyz = tool[0], quaternions(tool[1][None])[0]
+            self.handle.visible = tool is not None
+            if tool is not None:
+                self.handle.position, self.handle.wxyz = tool[0], quaternions(tool[1][None])[0]
+
+    def pull(self, pulled: Pulled | None) -> None:
+        """Show where a body may be pulled at, and the spring to the hand that does."""
+        self.grip.visible, self.spring.visible = pulled is not None, False
+        if pulled is None:
+            return
+        if pulled.hand is None:
+            self.grip.position = pulled.place
+            return
+        self.spring.visible = True
+        self.spring.points = np.stack([pulled.place, pulled.hand])[None].astype(np.float32)
+
+    def _add_grip(self) -> viser.TransformControlsHandle:
+        return self.server.scene.add_transform_controls(
+            "/grip",
+            scale=HANDLE * self.parts.size,
+            line_width=3.0,
+            disable_rotations=True,
+            active_axes=(True, True, not self.robot.planar),
+            depth_test=False,
+            visible=False,
+        )
+
+    def _add_spring(self) -> Any:
+        return self.server.scene.add_line_segments(
+            "/spring",
+            np.zeros((1, 2, 3), np.float32),
+            rgb(PINK),
+            thickness=SPRING,
+            thickness_units="screen",
+            visible=False,
+        )
 
     def paint(self, conditioning: float | None) -> None:
         """Colour the tool's body by its conditioning, or as other bodies are."""

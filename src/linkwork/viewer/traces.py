@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -47,10 +48,8 @@ class Traces:
 
 
 def quantities(run: Run) -> tuple[str, ...]:
-    """Return the quantities of a run that are one number, or a few named numbers, at each time."""
-    return tuple(
-        name for name, v in run.variables.items() if v.dims[:1] == (TIME,) and len(v.dims) <= 2
-    )
+    """Return the quantities of a run that are numbers, or named numbers, at each time."""
+    return tuple(name for name, v in run.variables.items() if v.dims[:1] == (TIME,))
 
 
 def traces(run: Run, quantity: str, preferred: Sequence[str] = ()) -> Traces:
@@ -64,7 +63,9 @@ def traces(run: Run, quantity: str, preferred: Sequence[str] = ()) -> Traces:
     if values.ndim == 1:
         names, values = [quantity], values[:, None]
     else:
-        names = [str(name) for name in run.coords[variable.dims[1]].values]
+        parts = ([str(name) for name in run.coords[axis].values] for axis in variable.dims[1:])
+        names = [": ".join(found) for found in product(*parts)]
+        values = values.reshape(len(time), len(names))
     shown = [k for k, name in enumerate(names) if name in preferred] or list(range(len(names)))
     shown = shown[:MOST_CURVES]
     kept = (

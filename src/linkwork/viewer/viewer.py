@@ -24,6 +24,8 @@ from linkwork.viewer.session import Session
 if TYPE_CHECKING:
     from viser import ClientHandle
 
+    from linkwork.viewer.pulling import Live
+
 FRAME, IDLE = (
     1 / 30,
     0.25,
@@ -96,6 +98,7 @@ class Viewer:
             self.panels.show_run(run)
         if self.stage.handle is not None:
             self.stage.handle.on_update(self._dragged)
+        self.stage.grip.on_update(self._pulled)
         self.server.on_client_disconnect(lambda _: self.post(self._released))
         self.refresh(monotonic())
 
@@ -123,6 +126,60 @@ class Viewer:
     def _released(self) -> None:
         self.held = False
         self.session.release()
+        self.session.hand = None
+
+    async def _pulled(self, event: Any) -> None:
+        if event.client is None:
+            return
+        position = None if event.phase == "end" else event.target.position
+        self.post(lambda: self._pull(position), "pull")
+
+    def _pull(self, position: ArrayLike | None) -> None:
+        place = None if position is None else vector("position", position, 3)
+        self.session.hand = place if self.session.live is not None else None
+
+    def go_on(self, controller: str, forces: dict[str, float], body: str) -> None:
+        """Simulate from the present pose for as long as one watches, a hand at a body; where that
+        goes on, end it and play it from the start."""
+
+        def toggle() -> None:
+            live = self.session.live
+            if live is None:
+                self._work("preparing", self._going_on(controller, forces, body))
+            else:
+                self.session.end()
+                self._work("keeping what happened", self._kept(live))
+
+        self.post(toggle)
+
+    def _going_on(
+        self, controller: str, forces: dict[str, float], body: str
+    ) -> Callable[[], Callable[[], None]]:
+        from linkwork.viewer.pulling import HandPull, Live
+        from linkwork.viewer.simulating import driving
+
+        robot = self.session.robot
+        state = self.session.state.with_rates(np.zeros(robot.mobility))
+
+        def prepare() -> Callable[[], None]:
+            drive = driving(robot, state, controller, forces)
+            live = Live(robot, state, drive, HandPull.at(robot, state, body))
+            live.prepare()
+            return lambda: self.session.begin(live)
+
+        return prepare
+
+    def _kept(self, live: Live) -> Callable[[], Callable[[], None]]:
+        def keep() -> Callable[[], None]:
+            run, notice = live.kept()
+
+            def show() -> None:
+                self._show_run(run)
+                self.session.notice = notice or self.session.notice
+
+            return show
+
+        return keep
 
     def find_branches(self, same: str) -> None:
         """Look for all configurations with the same "actuators" or the same "tool" pose, and offer
@@ -262,6 +319,7 @@ class Viewer:
             self.stage.show(view.placement)
             self.stage.lay(view.rails)
             self.stage.show_faintly(view.over)
+            self.stage.pull(view.pulled)
             self.stage.draw(view.arrows)
             self.stage.mark(view.marks)
             self.stage.trace(view.trail)
@@ -269,7 +327,7 @@ class Viewer:
                 self.stage.follow(view.focus)
             self.stage.paint(view.conditioning if self.panels.coloured.value else None)
             if view.tool is not None and not self.held:
-                self.stage.hold(view.tool)
+                self.stage.hold(view.tool if view.pulled is None else None)
             self.panels.refresh(view, texts=texts)
         if texts:
             self.last_texts = now
