@@ -130,6 +130,17 @@ def knee() -> lw.Robot:
 
 
 @cache
+def spinning_ankle() -> lw.Robot:
+    """Return the ankle with balls at both ends of its rods, which turn about themselves."""
+    mechanism = ankle().mechanism
+    joints: dict = dict(mechanism.joints)
+    for side in ("left", "right"):
+        upper = joints[f"upper_{side}"]
+        joints[f"upper_{side}"] = lw.SphericalJoint(connects=upper.connects, frames=upper.frames)
+    return lw.Robot(mechanism.model_copy(update={"joints": joints}))
+
+
+@cache
 def floating_knee() -> lw.Robot:
     """Return the leg of `knee` under a pelvis that moves freely, whose joint's frames are turned
     and off their bodies' origins."""

@@ -239,8 +239,8 @@ class ActuationModel:
         what makes it move as the closed robot does in MuJoCo.
 
         Raises:
-            LinkworkError: rates that no chain of joints from the ground has, as of rods that turn
-                about themselves; joints that an engine's tree does not hold as they are.
+            LinkworkError: independent joints behind dependent ones; joints that an engine's tree
+                does not hold as they are; links that are cut away between two branches.
         """
         return plugged_tree(self.robot, self.chart, self.motors, self.about)
 

@@ -38,6 +38,7 @@ class KeptTree:
 
     robot: with its loops; equations: in the chart of these rates
     names: of the tree's rates, in the order in which an engine holds them
+    spins: the other independent rates, by which links that are cut away turn about themselves
     mechanism: the tree's bodies and joints, and the actuators of these
     home: where they are at the state `about`; plan: how MJCF holds it
     """
@@ -45,6 +46,7 @@ class KeptTree:
     robot: Robot
     equations: Equations
     names: tuple[str, ...]
+    spins: tuple[str, ...]
     mechanism: Mechanism
     home: Home
     plan: ModelPlan
@@ -107,37 +109,40 @@ def kept_tree(robot: Robot, equations: Equations, motors: Sequence[str], about: 
     bodies = dict.fromkeys(body for name in joints for body in robot.mechanism.pairs[name].connects)
     bodies.pop(GROUND, None)
     spanned = {rate for name in joints for rate in robot.mechanism.pairs[name].rates(name)}
-    for name in equations.independent:
-        if name not in spanned:
-            raise LinkworkError(unspanned(equations, name))
+    spins = tuple(name for name in equations.independent if name not in spanned)
+    if len(spins) > len(equations.spins):
+        raise LinkworkError(unspanned(equations, spins))
     driven = [name for name in dict.fromkeys((*robot.actuators, *motors)) if name in spanned]
     mechanism = bare(robot.mechanism, [*bodies], joints, driven, equations.tree.length)
     home = home_of(robot, [*bodies], about)
     held = plan(mechanism, home)
     names = rates_of(held)
-    if held.ties or len(names) != len(equations.independent):
+    own = {*equations.independent} - {*spins}
+    if held.ties or {*names} != own:
         raise LinkworkError(
-            f"{', '.join(sorted({*names} ^ {*equations.independent}))}: an engine's tree does not "
+            f"{', '.join(sorted({*names} ^ own))}: an engine's tree does not "
             "hold such joints as they are; give hinges, slides, universal joints and free bases"
         )
-    return KeptTree(robot, equations, names, mechanism, home, held, about)
+    return KeptTree(robot, equations, names, spins, mechanism, home, held, about)
 
 
-def unspanned(equations: Equations, rate: str) -> str:
-    """Return why no tree of independent joints has a rate."""
-    joints, tree = equations.mechanism.joints, equations.tree
-    own = rate if rate in joints else rate.rpartition(".")[0]
-    if not {*joints[own].rates(own)} <= {*equations.independent}:
-        return (
-            f"{rate!r} is a freedom of {own!r}, whose other freedoms depend on it, as of a rod "
-            "that turns about itself; give the rod a universal joint at one end"
-        )
-    node = next(node for node in tree.nodes if node.joint == own)
-    path = dict.fromkeys(inner.joint for inner in tree.path(node))
-    before = [name for name in path if not {*joints[name].rates(name)} <= {*equations.independent}]
+def unspanned(equations: Equations, rates: Sequence[str]) -> str:
+    """Return why no tree of independent joints has all of some rates."""
+    joints, tree, own = equations.mechanism.joints, equations.tree, {*equations.independent}
+    for rate in rates:
+        joint = rate if rate in joints else rate.rpartition(".")[0]
+        node = next(node for node in tree.nodes if node.joint == joint)
+        path = dict.fromkeys(inner.joint for inner in tree.path(node))
+        before = [name for name in path if not {*joints[name].rates(name)} <= own]
+        if before != [joint]:
+            return (
+                f"{rate!r} moves behind {before[0]!r}, which depends on the joints; a tree without "
+                "loops has no place for it, unless the joints that are named have it in place of "
+                "another"
+            )
     return (
-        f"{rate!r} moves behind {before[0]!r}, which depends on the joints; a tree without loops "
-        "has no place for it, unless the joints that are named have it in place of another"
+        f"{rates[0]!r} is a freedom of a joint whose others depend on it; name joints whose "
+        "freedoms are all independent"
     )
 
 

@@ -75,6 +75,11 @@ class PluggedTree:
             self._ask_for_plugin(root)
         ET.indent(root)
         target.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+        if self.tree.spins:
+            said.say(
+                f"{', '.join(self.tree.spins)}: turns of rods about themselves, which have no "
+                "angular momentum about their line here"
+            )
         return *notes, *said.sentences()
 
     def callback(self, model: Any) -> EngineCallback:
@@ -113,7 +118,7 @@ class PluggedTree:
             return
         mechanism, (_, _, A) = self.tree.robot.mechanism, self.map.terms
         tendons, actuators = (section(root, name) for name in ("tendon", "actuator"))
-        rows = self._at_home(A)
+        rows = self.at_home(A)
         for k, name in enumerate(self.motors):
             tendon = ET.SubElement(tendons, "fixed", name=name)
             for j in moved(A, k):
@@ -131,7 +136,8 @@ class PluggedTree:
         assert body is not None
         ET.SubElement(body, "plugin", instance=name)
 
-    def _at_home(self, expression: ca.SX) -> np.ndarray:
+    def at_home(self, expression: ca.SX) -> np.ndarray:
+        """Return the value of an expression of q where the tree stands at first."""
         equations = self.tree.equations
         function = ca.Function("home", [equations.tree.q, equations.p], [ca.densify(expression)])
         return np.array(function(self.tree.about.q, self.map.p))
@@ -159,9 +165,14 @@ def plugged_tree(
 
 
 def require_coupled(plugged: PluggedTree) -> None:
-    """Refuse inertia that couples two branches, which an engine keeps apart, and motors that move
-    with free bases, which are in no tendon."""
+    """Refuse inertia that couples two branches, which an engine keeps apart, spins without inertia,
+    and motors that move with free bases, which are in no tendon."""
     M, _, A = plugged.map.terms
+    if not np.isfinite(plugged.at_home(M)).all():
+        raise LinkworkError(
+            f"{', '.join(plugged.tree.spins)}: turns of rods about themselves move no mass; give "
+            "the rods inertia about their line, or a universal joint at one end"
+        )
     for i, j in zip(*M.sparsity().get_triplet(), strict=True):
         if not plugged.tree.chains[i, j]:
             names = " and ".join(repr(plugged.joints[k]) for k in (i, j))

@@ -8,6 +8,10 @@ angular ones along the body's:
 
 M and h being those of the links that are cut away and of all that acts, and the tendons' rates
 those of the motors.
+
+Rods that turn about themselves have no angular momentum about their own line: rates s of spins
+follow from M_ss s + M_se E v_e = 0, and their accelerations are eliminated. So it stays with rods
+that are alike all round and turn without friction; with others this holds at each instant.
 """
 
 from __future__ import annotations
@@ -16,12 +20,14 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import casadi as ca
+import networkx as nx
 import numpy as np
 
 from linkwork.analysis.kept_tree import KeptTree
 from linkwork.equations import functions
 from linkwork.equations.algebra import SX, cross, quaternion_matrix
 from linkwork.equations.elimination import solve
+from linkwork.equations.equations import solve_symmetric
 from linkwork.equations.joint_map import derivative
 from linkwork.formats import poses
 from linkwork.mechanism import GROUND
@@ -122,8 +128,9 @@ class TreeMap:
 
     @cached_property
     def E(self) -> ca.SX:
-        """E (n x n): rows in the order of the independent rates, columns in the engine's."""
-        E = SX(len(self.tree.names), len(self.tree.names))
+        """E: rows in the order of the independent rates, columns in the engine's; spins are at
+        zero."""
+        E = SX(self.equations.mobility, len(self.tree.names))
         for column, row in enumerate(self.tree.order):
             E[row, column] = 1
         tree = self.equations.tree
@@ -160,13 +167,31 @@ class TreeMap:
     def terms(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """M_app (n x n), h_app (n) and A (motors x n), with zeros where nothing is coupled."""
         equations, rest, E, v_e = self.equations, self.tree.rest, self.E, self.rates
-        v = ca.mtimes(E, v_e)
-        M = rest.inertia[0]
+        M, B = rest.inertia[0], E + self.spun
+        v = ca.mtimes(B, v_e)
         h = ca.substitute(rest.bias_forces(rest.gravity), rest.v, v)
         w = ca.mtimes(equations.elimination.L, v)
         h += ca.mtimes(M, ca.mtimes(derivative(E, equations.tree, w), v_e))
         A = ca.mtimes([equations.joints.rate_rows(self.motors), equations.elimination.L, E])
-        return ca.sparsify(ca.mtimes([E.T, M, E])), ca.mtimes(E.T, h), ca.sparsify(A)
+        return ca.sparsify(ca.mtimes([E.T, M, B])), ca.mtimes(B.T, h), ca.sparsify(A)
+
+    @cached_property
+    def spun(self) -> ca.SX:
+        """The rates of spins by the engine's, in the rows of the independent rates."""
+        found, M = SX(*self.E.shape), ca.sparsify(self.tree.rest.inertia[0])
+        names = self.equations.independent
+        coupled = nx.Graph((k, k) for k in map(names.index, self.tree.spins))
+        coupled.add_edges_from(
+            (i, j)
+            for i, j in zip(*M.sparsity().get_triplet(), strict=True)
+            if i in coupled and j in coupled
+        )
+        for rods in map(sorted, nx.connected_components(coupled)):
+            driven = ca.sparsify(ca.mtimes(M[rods, :], self.E))
+            for column in sorted({*driven.sparsity().get_triplet()[1]}):
+                own, force = ca.densify(M[rods, rods]), ca.densify(driven[:, column])
+                found[rods, column] = -solve_symmetric(own, force)
+        return found
 
 
 def product(p: ca.SX, q: ca.SX) -> ca.SX:
