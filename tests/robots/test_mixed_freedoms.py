@@ -185,3 +185,21 @@ def test_the_plate_of_the_par4_is_singular_flat():
     loops = [singularity(robot, state).constraint for state in states]
     np.testing.assert_allclose(loops / np.cos(turns), loops[0] / np.cos(turns[0]), rtol=0.02)
     assert singularity(robot, robot.home).kinds == ()
+
+
+def test_the_par4_is_not_led_to_folded_legs_behind_the_fold_of_its_plate():
+    """The determinant of all legs and the plate comes back to its sign where the plate and a leg
+    are folded; single legs tell it. In front of the fold what is reached by the arms is found."""
+    robot, (ends, task, centre, spread) = robot_of("par4"), LED["par4"]
+    refused, middle = [], np.pad(centre, (0, 1))
+    for values in middle + np.random.default_rng(5).uniform(-3, 3, (60, 4)) * spread:
+        closed = -arms("par4", ends(*values))
+        try:
+            state = robot.assemble(tool=dict(zip(task, values, strict=True)))
+        except lw.UnreachableError as error:
+            refused.append(str(error))
+            assert not np.isfinite(closed).all() or abs(values[3]) > np.pi / 2
+            continue
+        found = np.array([state[label] for label in robot.actuators])
+        np.testing.assert_allclose(np.exp(1j * found), np.exp(1j * closed), atol=1e-9)
+    assert any("on another branch" in text for text in refused)

@@ -21,10 +21,11 @@ from linkwork.checks import at
 from linkwork.equations.reference import unit
 from linkwork.equations.tree import Tree
 from linkwork.mechanism import Mechanism
-from linkwork.model.asked import Way
+from linkwork.model.asked import ToolAsked, Way
 from linkwork.model.assembly import Assembler, UnreachableError
 from linkwork.model.closing import Approach, Closed, Least, Step, closed
-from linkwork.model.modes import ModeStages, same
+from linkwork.model.modes import SAMPLES, SPREAD, ModeStages, same
+from linkwork.model.sides import LegSides, side_of
 
 NEWTON = 7  # steps of Newton's method in which it has to contract
 ROUNDS, FINEST = 200, 1 / 64  # steps of a way at most, and the part of it that the shortest one is
@@ -153,12 +154,39 @@ class Leader:
             left = np.flatnonzero(~there)
             given = begin[left], (y[left],), mode
             found, _, there[left] = self.closed(self.step, *given, contracting=False)
+            there[left[there[left]]] = self.on_side(found[there[left]], start, mode)
             q[left[there[left]]] = found[there[left]]
         left = np.flatnonzero(~there)
         for some in np.split(left, range(PARTS, left.size, PARTS)):
             found, _, there[some] = self.scattered(start, y[some], mode, self.step)
             q[some[there[some]]] = found[there[some]]
         return q, there
+
+    def side(self, start: np.ndarray, mode: np.ndarray) -> LegSides | None:
+        """Return on which side of their stretched poses single legs are at a closed configuration
+        (nq); None where no stage of the mode has more than one row, or its legs are not told apart.
+        """
+        asked = self.least.asked
+        lumped = any(len(stage.rows) > 1 for stage in self.modes.stages)
+        if not (lumped and isinstance(asked, ToolAsked)) or asked.rotation:
+            return None
+        out = self.outputs(start[None])
+        random = np.random.default_rng(1998).standard_normal((SAMPLES, asked.units.size))
+        way = asked.way(out, asked.values(out) + SPREAD * asked.units * random)
+        q, there = self.walked(start, way, np.arange(SAMPLES), mode, self.step)
+        if np.sum(there) < 2:  # what vanishes at the start alone is not told from what always does
+            return None
+        A = self.in_own_units(np.concatenate([start[None], q[there]]))
+        return side_of(A, A.shape[1] - asked.units.size)
+
+    def on_side(self, q: np.ndarray, start: np.ndarray, mode: np.ndarray) -> np.ndarray:
+        """Tell which configurations (K, nq) are on the side of a start."""
+        side = self.side(start, mode) if len(q) else None
+        return np.ones(len(q), bool) if side is None else side.keeps(self.in_own_units(q))
+
+    def in_own_units(self, q: np.ndarray) -> np.ndarray:
+        """Return [Phi; J] (K, rows, nv) in the mechanism's own units at configurations (K, nq)."""
+        return self.matrix(self.outputs(q)) * self.least.factors
 
     def scattered(self, start: np.ndarray, y: np.ndarray, mode: np.ndarray, step: Step) -> Found:
         """Return the q (K, nq) on a mode nearest to a start that random configurations lead to.
@@ -174,6 +202,7 @@ class Leader:
             q[:, list(places)] = random.standard_normal((STARTS, 4))
         q, y = np.tile(unit(tree, q), (len(y), 1)), np.repeat(y, STARTS, axis=0)
         q, good, fits = self.closed(step, q, (y,), mode, contracting=False)
+        fits[fits] = self.on_side(q[fits], start, mode)
         for place, rate in tree.single if not self.mechanism.gears else ():
             if not tree.slides[rate]:
                 q[:, place] -= 2 * np.pi * np.round((q[:, place] - start[place]) / (2 * np.pi))
@@ -200,7 +229,7 @@ class Leader:
             except UnreachableError as error:
                 refusal = refusal or error
                 continue
-            if not self.strict or self.fits(q, mode):
+            if not self.strict or (self.fits(q, mode) and self.on_side(q[None], start, mode)[0]):
                 return q
             elsewhere = True
         if self.strict:
