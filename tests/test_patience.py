@@ -10,8 +10,9 @@ import pytest
 import linkwork as lw
 from linkwork import patience
 from linkwork.cli.terminal import patience as spinner
-from linkwork.patience import announced
+from linkwork.patience import announced, ongoing
 
+from tests.catalogue import built
 from tests.processes import PATIENCE
 
 
@@ -60,6 +61,32 @@ def test_a_fault_is_passed_on_and_ends_the_announcement(terminal):
         raise ValueError("too heavy")
     done("counting")
     assert "counting took" in terminal.getvalue()
+
+
+def test_a_run_is_named_while_it_lasts_without_what_is_announced_in_it(terminal):
+    with ongoing("simulating"):
+        with announced("compiling"):
+            time.sleep(0.5)
+        assert terminal.getvalue().splitlines()[1].startswith("linkwork: compiling took 0.5")
+        time.sleep(0.4)
+        assert terminal.getvalue().endswith("linkwork: simulating ...\n")
+    assert terminal.getvalue().endswith("linkwork: simulating took 0.4 s\n")
+
+
+def test_runs_are_announced_and_quick_ones_are_not(terminal, monkeypatch):
+    robot = built("prr3")
+    robot.simulate(robot.home, duration=1e-3)
+    options = {"rtol": 1e-11, "max_steps": 10**7}
+    seconds, duration = 0.0, 10.0
+    while seconds < 0.6:
+        begun, duration = time.perf_counter(), 2 * duration
+        robot.simulate(robot.home, [0.5, 0, 0], duration=duration, **options)
+        seconds = time.perf_counter() - begun
+    assert "linkwork: simulating took" in terminal.getvalue()
+    monkeypatch.setattr(patience, "PATIENCE", 60.0)
+    before = terminal.getvalue()
+    robot.simulate(robot.home, [0.5, 0, 0], duration=duration, **options)
+    assert terminal.getvalue() == before
 
 
 def test_files_and_threads_are_not_told(terminal, monkeypatch):

@@ -4,15 +4,21 @@ Only a terminal is told, and only by the main thread of the main process: nothin
 stderr is a file or a pipe, by threads of ensembles and viewers, or by workers.
 """
 
+from __future__ import annotations
+
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from math import inf
 from multiprocessing.process import current_process
-from threading import Timer, current_thread, main_thread
+from threading import Thread, Timer, current_thread, main_thread
+from typing import ClassVar
 
 PATIENCE = 2.0  # how long nothing is said [s]
+GLANCE = 0.25  # time between two looks of the clock at what goes on [s]
+REST = 60.0  # how long the clock looks on where nothing goes on [s]
 
 _HUSHED = ContextVar("hushed", default=False)
 
@@ -26,12 +32,67 @@ def announced(what: str) -> Iterator[None]:
         return
     started = time.perf_counter()
     try:
-        with later(PATIENCE, lambda: _say(f"{what} ...")), hushed():
+        with later(PATIENCE, lambda: _say(f"{what} ...")), hushed(), ongoing.held():
             yield
     finally:
         seconds = time.perf_counter() - started
         if seconds > PATIENCE:
             _say(f"{what} took {seconds:.1f} s")
+
+
+class ongoing:
+    """Say of a run what `announced` says of other things: a run may be too short for a timer of its
+    own, so that one clock looks at all of them now and then.
+
+    What is announced as part of it is said, too, and its time is not counted.
+    """
+
+    __slots__ = ("heard", "since", "told", "what")
+    stack: ClassVar[list[ongoing]] = []
+    clock: ClassVar[Thread | None] = None
+
+    def __init__(self, what: str) -> None:
+        self.what, self.told, self.heard, self.since = what, False, _heard(), inf
+
+    def __enter__(self) -> None:
+        if self.heard:
+            self.stack.append(self)
+            self.since = time.perf_counter()
+            if ongoing.clock is None or not ongoing.clock.is_alive():
+                ongoing.clock = Thread(target=ongoing.looked_at, daemon=True)
+                ongoing.clock.start()
+
+    def __exit__(self, *fault: object) -> None:
+        if self.heard:
+            self.stack.pop()
+            if self.told:
+                _say(f"{self.what} took {time.perf_counter() - self.since:.1f} s")
+
+    @classmethod
+    def looked_at(cls) -> None:
+        """Look at the innermost run now and then, until there was none for long."""
+        idle = 0.0
+        while idle < REST:
+            time.sleep(GLANCE)
+            idle = 0.0 if cls.stack else idle + GLANCE
+            for one in cls.stack[-1:]:
+                if not one.told and time.perf_counter() - one.since > PATIENCE:
+                    one.told = True
+                    _say(f"{one.what} ...")
+
+    @classmethod
+    @contextmanager
+    def held(cls) -> Iterator[None]:
+        """Stop the time of the innermost run meanwhile."""
+        if not cls.stack:
+            yield
+            return
+        one, started = cls.stack[-1], time.perf_counter()
+        since, one.since = one.since, inf
+        try:
+            yield
+        finally:
+            one.since = since + time.perf_counter() - started
 
 
 @contextmanager

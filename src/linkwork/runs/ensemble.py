@@ -21,6 +21,7 @@ from linkwork.checks import by_name
 from linkwork.errors import LinkworkError
 from linkwork.model.state import Reached, State
 from linkwork.notebooks import Portrayed
+from linkwork.patience import hushed, ongoing
 from linkwork.runs import following
 from linkwork.runs.accuracy import compared, repeatable, tightened
 from linkwork.runs.measuring import measured
@@ -301,7 +302,7 @@ def ensemble(
         robot, states, forces, parameters, drives, wrenches, events, settings.duration, stiff
     )
     settings = settings.suited(smooth(batch.system, batch.signals))
-    with shown(progress) as report:
+    with shown(progress) as report, hushed() if progress else ongoing("running the ensemble"):
         return completed(batch, settings, report)
 
 

@@ -14,6 +14,7 @@ from linkwork.errors import LinkworkError
 from linkwork.model.chart_transfer import chart_in
 from linkwork.model.parameters import with_parameters
 from linkwork.model.state import State
+from linkwork.patience import ongoing
 from linkwork.runs import recording
 from linkwork.runs.recording import Left
 from linkwork.runs.settings import Settings
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from linkwork.model.model import Model
 
 EXAMPLE = "{'kp': 10.0}"
+SIMULATING = "simulating"
 READY_EVENTS = {"limits": limit_events, "singular": singular_events}
 
 
@@ -59,7 +61,8 @@ def simulate(
     if left is None:
         if runs.acting is not None:
             require_starts(runs, state)
-        return recording.simulate(robot, state, runs, settings)
+        with ongoing(SIMULATING):
+            return recording.simulate(robot, state, runs, settings)
     if left.extras.size != len(runs.extras):
         raise LinkworkError(
             f"the run ended with {left.extras.size} extra states, but these drives and "
@@ -71,7 +74,8 @@ def simulate(
             f"the run ended with {held.size} held inputs, but this controller holds "
             f"{runs.acting.held}; give it the delay that it ran with"
         )
-    return recording.simulate(robot, state, runs, settings, left)
+    with ongoing(SIMULATING):
+        return recording.simulate(robot, state, runs, settings, left)
 
 
 def resume(

@@ -29,6 +29,8 @@ from numba.core.registry import cpu_target
 from numba.core.typed_passes import NativeLowering
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 
+from linkwork.patience import ongoing
+
 TAUGHT: list[FunctionType] = []  # what generates the code of operators that Numba is taught here
 
 ARITHMETIC = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
@@ -265,12 +267,15 @@ class _Announcer(event.Listener):
         if self.depth == 0:
             self.started = time.perf_counter()
             self._write(f"linkwork: compiling {self.what} for this machine, once ...")
+            self.run = ongoing.held()
+            self.run.__enter__()
         self.depth += 1
 
     def on_end(self, event):
         self.depth -= 1
         if self.depth == 0:
             self._write(f" {time.perf_counter() - self.started:.1f} s\n")
+            self.run.__exit__(None, None, None)
 
     def _write(self, text: str) -> None:
         sys.stderr.write(text)
