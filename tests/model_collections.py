@@ -133,9 +133,11 @@ class PinocchioSide:
         self.friction, self.damping = np.zeros(self.nv), np.zeros(self.nv)
         from linkwork.formats import xml
 
-        self.couplings = []
-        for element in xml.read(path).each("joint"):
+        self.couplings, root = [], xml.read(path)
+        for element in root.each("joint"):
             self._read_joint(element)
+        for element in root.each("coupling"):
+            self._read_coupling(element)
 
     def _read_joint(self, element: Any) -> None:
         """Take friction and mimics, which Pinocchio's engine leaves to others, from the file."""
@@ -155,6 +157,23 @@ class PinocchioSide:
             row = np.zeros(self.nv)
             row[at], row[other] = 1.0, -mimic.number("multiplier", 1.0)
             self.couplings.append(row)
+
+    def _read_coupling(self, element: Any) -> None:
+        """Take a gear of URDF+: ratio * (rates on the way to the predecessor) = (to the successor),
+        from the nearest link that both ways have."""
+        ways = []
+        for end in ("predecessor", "successor"):
+            frame = self.model.getFrameId(element.named(end).attributes["link"])
+            joint, way = self.model.frames[frame].parentJoint, set()
+            while joint > 0:
+                way.add(joint)
+                joint = self.model.parents[joint]
+            ways.append(way)
+        row, ratio = np.zeros(self.nv), element.named("ratio").number("value")
+        for way, other, factor in ((*ways, ratio), (*ways[::-1], -1.0)):
+            for joint in way - other:
+                row[self.model.joints[joint].idx_v] = factor
+        self.couplings.append(row)
 
     def _index(self, name: str) -> int | None:
         if not self.model.existJointName(name):

@@ -500,3 +500,16 @@ def test_a_keyframe_with_an_empty_quaternion_does_not_turn_the_body(tmp_path):
     position, turn = robot.body_poses(robot.home)["box"]
     np.testing.assert_allclose(position, [1, 2, 3])
     np.testing.assert_allclose(turn, np.eye(3))
+
+
+def test_a_keyframe_with_a_turn_of_rounding_is_read(tmp_path):
+    """The parts of a quaternion stay together, where its qw is 1 to rounding, too."""
+    path = tmp_path / "box.xml"
+    path.write_text(
+        "<mujoco><worldbody><body name='box'><freejoint/><geom size='0.1'/></body></worldbody>"
+        "<keyframe><key name='home' qpos='1 2 3 1 0 0 -8e-15'/></keyframe></mujoco>"
+    )
+    robot = lw.Robot(load(path).mechanism)
+    position, turn = robot.body_poses(robot.home)["box"]
+    np.testing.assert_allclose(position, [1, 2, 3])
+    np.testing.assert_allclose(turn, np.eye(3), atol=2e-14)

@@ -375,10 +375,14 @@ def test_limits_efforts_and_shapes(tmp_path):
     text = model(
         links,
         LINK.format("b", "1 0 0 0 0 0", 1),
-        joint("j", "revolute", "world", "a", limit.format("<effort>5</effort>")),
+        joint(
+            "j", "revolute", "world", "a", limit.format("<effort>5</effort><velocity>2</velocity>")
+        ),
         joint("k", "revolute", "a", "b", limit.format("<effort>0</effort>")),
     )
-    mechanism = read(text, tmp_path).mechanism
+    imported = read(text, tmp_path)
+    mechanism = imported.mechanism
+    assert [note for note in imported.notes if "bounds the velocity" in note]
     assert mechanism.actuators == ("j",)
     assert mechanism.drives == {"j": {"type": "saturated", "limit": 5}}
     assert mechanism.joints["j"].limits == Limits(upper=2)

@@ -86,7 +86,8 @@ def test_what_an_arm_says_of_itself(tmp_path):
     assert mechanism.joints["elbow"].limits == Limits()
     assert mechanism.tools["tool0"].body == "pod"
     assert "pod" in mechanism.bodies and "tool0" not in mechanism.bodies
-    first, second, third = imported.notes
+    first, second, speed, third = imported.notes
+    assert "bounds the velocity" in speed
     assert third.startswith("arm.urdf: limits of effort and reductions are the mechanism's drives")
     assert mechanism.drives["shoulder"] == {"type": "saturated", "limit": 10}
     assert first == (
@@ -425,3 +426,9 @@ def test_a_pair_that_is_not_whole_drives_what_is_there(tmp_path):
     imported = read(arm(PAIR.format("Differential", "m")), tmp_path)
     assert imported.mechanism.actuators == ("k",)
     assert any("does not lead from two motors to two hinges" in note for note in imported.notes)
+
+
+@pytest.mark.parametrize(("velocity", "told"), [("2", True), ("0", False), ("1e60", False)])
+def test_limits_of_velocity_are_told(velocity, told, tmp_path):
+    notes = read(arm(first=f'<limit effort="1" velocity="{velocity}"/>'), tmp_path).notes
+    assert any("bounds the velocity" in note for note in notes) == told

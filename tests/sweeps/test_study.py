@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import linkwork as lw
@@ -166,4 +167,56 @@ def test_gains_that_vary_are_those_of_controllers(tmp_path):
     assert (
         "is nothing that can vary; there are controllers.soft.kp, controllers.soft.kd"
         in refusal(tmp_path, text)
+    )
+
+
+URDF = """<robot name="box"><link name="base"><inertial><mass value="2"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="arm"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hinge" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+<limit lower="-2" upper="2" effort="1" velocity="3"/></joint></robot>"""
+STUDY = """study: 1
+robot: box.urdf
+{keys}
+duration: 0.1
+vary: {{arm.mass: {{type: values, values: [1, 2]}}}}
+outputs: {{most: peak joint_position.hinge}}
+"""
+
+
+def test_a_model_file_is_read_as_the_study_says(tmp_path):
+    """As --floating, --package-path and --reference of commands."""
+    (tmp_path / "box.urdf").write_text(URDF)
+    (tmp_path / "turned.yaml").write_text("hinge: 0.5")
+    (tmp_path / "meshes").mkdir()
+    plain = Study.load(file(tmp_path, STUDY.format(keys="")))
+    assert list(plain.robot.joints) == ["hinge"]
+    keys = "root: floating\npackages: meshes\nreference: {hinge: 40 deg}"
+    read = Study.load(file(tmp_path, STUDY.format(keys=keys)))
+    assert "floating_base" in read.robot.joints and read.reference["hinge"] == np.deg2rad(40)
+    assert Study.load(file(tmp_path, STUDY.format(keys="reference: turned.yaml"))).reference == {
+        "hinge": 0.5
+    }
+
+
+@pytest.mark.parametrize(
+    ("keys", "sentence"),
+    [
+        ("root: 1", "line 3: root: is 1; give fixed or floating"),
+        ("packages: none", "which is no folder"),
+        ("packages: 3", "line 3: packages: 3 is no folder; give one, or a list of them"),
+        ("reference: {hinge: 40 mm}", "line 3: reference: the reference: hinge: '40 mm': the unit"),
+        ("reference: {knee: 1}", "knee"),
+    ],
+)
+def test_what_does_not_fit_the_model_file_is_refused(keys, sentence, tmp_path):
+    (tmp_path / "box.urdf").write_text(URDF)
+    assert sentence in refusal(tmp_path, STUDY.format(keys=keys))
+
+
+def test_robots_of_the_catalogue_are_not_read(tmp_path):
+    text = FILE.replace("cart.yaml", "prr3\nroot: floating")
+    assert "line 4: root: is of files, but 'prr3' is a robot of the catalogue" in refusal(
+        tmp_path, text
     )

@@ -37,8 +37,11 @@ def referred(mechanism: Mechanism, reference: Reference | None) -> Mechanism:
         LinkworkError: what is no number, a unit of another kind, a name that is unknown, or a file
             that cannot be read.
     """
-    if reference is None:
-        return mechanism
+    return mechanism if reference is None else mechanism.with_reference(told(mechanism, reference))
+
+
+def told(mechanism: Mechanism, reference: Reference) -> dict[str, Any]:
+    """Return joint coordinates by name [m, rad], as `referred` takes them."""
     given, place = reference, "the reference"
     if isinstance(given, str | PathLike):
         place = str(Path(given))
@@ -53,7 +56,7 @@ def referred(mechanism: Mechanism, reference: Reference | None) -> Mechanism:
     for name, value in values.items():
         if isinstance(value, str) and name in known:
             values[name] = amount(value, name in angles, f"{place}: {name}")
-    return mechanism.with_reference(values)
+    return values
 
 
 def angles_of(mechanism: Mechanism) -> frozenset[str]:

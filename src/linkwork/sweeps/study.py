@@ -8,7 +8,7 @@ angles are in radians.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +16,6 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from linkwork import robots
 from linkwork.control.described_drives import drive
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
@@ -24,12 +23,13 @@ from linkwork.mechanism.document import DocumentNode, read_document
 from linkwork.mechanism.files import described, text_of
 from linkwork.mechanism.numbers import edited, free_numbers
 from linkwork.mechanism.record import MechanismError, Name, PathName, Positive, Real, Record
-from linkwork.mechanism.refusal import shown, suggestion
+from linkwork.mechanism.refusal import shown
 from linkwork.runs.settings import Settings
 from linkwork.simulation import METHODS, integrator
 from linkwork.sweeps.controllers import AnyController
 from linkwork.sweeps.designs import AnyDesign, AnyVariation, Grid
 from linkwork.sweeps.outputs import Output, require_quantity
+from linkwork.sweeps.study_robot import with_robot
 
 FORMAT_VERSION = 1
 MAX_BYTES = 1_000_000
@@ -296,35 +296,6 @@ def _text(path: Path) -> str:
 
 def _study(root: DocumentNode, folder: Path) -> Study:
     def make(**fields: Any) -> Study:
-        if "robot" in fields:
-            fields["robot"] = _robot(fields["robot"], folder)
-        return Study(**fields)
+        return Study(**with_robot(fields, folder))
 
     return described(root, "study", FORMAT_VERSION, "study", make)
-
-
-def _robot(name: Any, folder: Path) -> Mechanism:
-    """Return a robot of the catalogue, or that of a mechanism or model file beside the study."""
-    if not isinstance(name, str):
-        raise MechanismError(
-            f"{shown(name)} is no name; give a robot of the catalogue or a mechanism file",
-            ("robot",),
-        )
-    if name in robots.__all__:
-        return getattr(robots, name)()
-    file = folder / name
-    if not file.suffix:
-        known: Iterable[str] = robots.__all__
-        raise MechanismError(
-            f"there is no robot {name!r}{suggestion(name, known)}; the catalogue has "
-            f"{', '.join(known)}",
-            ("robot",),
-        )
-    try:
-        from linkwork import formats
-
-        if file.suffix.lower() in formats.MODELS:
-            return formats.load(file).mechanism
-        return Mechanism.load(file)
-    except LinkworkError as error:
-        raise MechanismError(str(error), ("robot",)) from None

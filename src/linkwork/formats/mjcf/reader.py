@@ -44,6 +44,7 @@ from linkwork.solids.solid import together
 
 EARTH = (0.0, 0.0, -9.81)
 HOME = "home"
+QUATERNION = (".qw", ".qx", ".qy", ".qz")
 TURNING = ("ball", "free")  # joints whose coordinates end with a quaternion
 
 
@@ -291,7 +292,12 @@ def _reference(
             quaternion = turn.as_quat(canonical=True, scalar_first=True)
             values = quaternion if motion.ball else [turn.as_rotvec() @ motion.turn]
             found |= dict(zip(joint.coordinates(name), map(float, values), strict=True))
+    # The parts of a quaternion stay together: of a tiny turn qw is 1 to rounding.
     neutral = {label: 1.0 if label.endswith(".qw") else 0.0 for label in found}
+    away = {label for label, value in found.items() if abs(value - neutral[label]) > poses.TINY}
+    turned = {label.rpartition(".")[0] for label in away if label.endswith(QUATERNION)}
     return {
-        label: value for label, value in found.items() if abs(value - neutral[label]) > poses.TINY
+        label: value
+        for label, value in found.items()
+        if label in away or (label.endswith(QUATERNION) and label.rpartition(".")[0] in turned)
     }

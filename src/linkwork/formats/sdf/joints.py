@@ -18,7 +18,7 @@ import numpy as np
 
 from linkwork.formats import poses
 from linkwork.formats.names import FreeNames
-from linkwork.formats.notes import Notes
+from linkwork.formats.notes import SPEED, Notes
 from linkwork.formats.sdf.scopes import MODEL, Scope
 from linkwork.formats.xml import Element, shortened
 from linkwork.mechanism import (
@@ -221,6 +221,8 @@ class JointReader:
             known = {name: value for name, value in ends.items() if abs(value) < NO_LIMIT}
             if bounded and lower < upper:
                 found["limits"] = limit.make(Limits, **known)
+            if 0 < limit.inner_number("velocity", -1.0, most=inf) < NO_LIMIT:
+                self.notes.on(limit, SPEED)
             if limit.first("effort") is not None:
                 effort = limit.inner_number("effort", -1.0, most=inf)
                 joint.driven[tag] = effort != 0
