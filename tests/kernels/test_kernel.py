@@ -202,7 +202,7 @@ def test_angles_that_depend_on_other_angles(count: int, far: int | None):
 def test_large_functions_agree_with_casadi(seed: int, monkeypatch: pytest.MonkeyPatch):
     """Their sections are functions; the truths, constants, inputs and sines of one are used in
     others."""
-    monkeypatch.setattr(sections, "_LARGE", 1000)
+    monkeypatch.setattr(sections, "LARGE", 1000)
     f = random_function(seed, 1000)
     kernel = compile_function(f)
     assert kernel.operations > 1500
@@ -242,7 +242,7 @@ def test_states_side_by_side(large: bool, monkeypatch: pytest.MonkeyPatch):
     """What is computed of each state is what is computed of it alone, sections that are functions
     included."""
     if large:
-        monkeypatch.setattr(sections, "_LARGE", 1000)
+        monkeypatch.setattr(sections, "LARGE", 1000)
     f = random_function(8, 1000 if large else 60)
     kernel = compile_function(f)
     one = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(kernel.address)

@@ -19,7 +19,7 @@ from tests.kernels.test_simplify import NUMPY, evaluate, random_program
 def short(monkeypatch: pytest.MonkeyPatch):
     """Every program is large, and a stretch is short."""
     monkeypatch.setattr(sections, "STRETCH", 10)
-    monkeypatch.setattr(sections, "_LARGE", 0)
+    monkeypatch.setattr(sections, "LARGE", 0)
 
 
 def carried_out(program: Program, inputs: np.ndarray, angles_in_vector: int) -> np.ndarray:

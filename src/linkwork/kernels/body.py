@@ -2,6 +2,7 @@
 
 from linkwork.kernels.lines import Lines
 from linkwork.kernels.program import Operation, Program
+from linkwork.kernels.repeats import ARGUMENTS, Part
 from linkwork.kernels.sections import FETCHED, Section, SectionPlan
 
 # The C library's functions of one and of two numbers, by their names there.
@@ -93,13 +94,9 @@ class SectionBody:
         op, args, value = self.nodes[k]
         if op == "input":
             return self.lines.load("%in", int(value) * self.abreast)
-        if op not in ("sin", "cos"):
-            return self.lines.load(self.source, self.plan.kept[k])
-        if args[0] in self._turned:
+        if op in ("sin", "cos") and args[0] in self._turned:
             return self._turned[args[0]][op == "cos"]
-        return self.lines.load(
-            self.source, (self.plan.sines if op == "sin" else self.plan.cosines)[args[0]]
-        )
+        return self.lines.load(self.source, self.plan.slot(k))
 
     def _compute(self, k: int, node: Operation) -> None:
         lines, op, args = self.lines, node.op, node.args
@@ -137,3 +134,42 @@ class SectionBody:
         lines, zero = self.lines, self.lines.constant(0.0)
         positive = lines.select(lines.compare("ogt", x, zero), lines.constant(1.0), x)
         return lines.select(lines.compare("olt", x, zero), lines.constant(-1.0), positive)
+
+
+class PartBody(SectionBody):
+    """The code of a part, which reads its arguments where the places at %row say (offsets in bytes,
+    each of 32 bits), and at %numbers."""
+
+    def __init__(self, lines: Lines, part: Part):
+        self.lines = lines
+        self.nodes = part.nodes
+        self._numbers, self._truths, self._turned = {}, {}, {}
+        self._part = part
+
+    def compute(self) -> None:
+        """Append the code of the part."""
+        part, inputs, values = self._part, len(self._part.inputs[0]), len(self._part.values[0])
+        for k, node in enumerate(part.nodes):
+            if node.op not in ARGUMENTS:
+                self._compute(k, node)
+        first = inputs + values
+        for place, k in enumerate(part.kept, start=first):
+            self.lines.store_at(self.number(k), self._address("%target", place))
+        for place, k in enumerate(part.results, start=first + len(part.kept)):
+            self.lines.store_at(self.number(k), self._address("%out", place))
+
+    def _fetched(self, k: int) -> str:
+        op, _, value = self.nodes[k]
+        if op == "number":
+            return self.lines.single("%numbers", int(value))
+        if op == "input":
+            return self.lines.load_at(self._address("%in", int(value)))
+        place = len(self._part.inputs[0]) + int(value)
+        return self.lines.load_at(self._address("%source", place))
+
+    def _address(self, pointer: str, place: int) -> str:
+        """Append the address that place number `place` of the row says."""
+        entry = self.lines.let(f"getelementptr inbounds i32, ptr %row, i64 {place}")
+        offset = self.lines.let(f"load i32, ptr {entry}, align 4")
+        offset = self.lines.let(f"zext i32 {offset} to i64")
+        return self.lines.let(f"getelementptr inbounds i8, ptr {pointer}, i64 {offset}")

@@ -20,9 +20,9 @@ go on gains by that.
 
 from typing import Literal
 
-from linkwork.kernels import angles
+from linkwork.kernels import angles, called
 from linkwork.kernels.body import LIBRARY, SectionBody
-from linkwork.kernels.lines import ConstantTable, Lines, function_text
+from linkwork.kernels.lines import INOUT, ConstantTable, Lines, function_text
 from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import Program
 from linkwork.kernels.sections import Section, SectionPlan, planned
@@ -38,8 +38,6 @@ FUNCTIONS: dict[Kind, tuple[str, ...]] = {
     "wide": ("wide",),
 }
 """The functions that the modules of every program define; "columns" is for derivatives alone."""
-
-_INOUT = "ptr noalias nonnull readonly {}, ptr noalias nonnull writeonly {}"
 
 
 def module_text(program: Program, machine: Machine, kind: Kind) -> str:
@@ -69,7 +67,7 @@ def _one(program: Program, machine: Machine) -> list[str]:
     lines = Lines(1, ConstantTable.of("one", machine))
     parts = _evaluation("one", lines, program, machine, 1)
     lines.do("ret void")
-    head = f"void @one({_INOUT.format('%in', '%out')}) {machine.attributes}"
+    head = f"void @one({INOUT.format('%in', '%out')}) {machine.attributes}"
     return [*parts, lines.table_text(), function_text(head, lines.text)]
 
 
@@ -98,7 +96,7 @@ def _vectors(program: Program, machine: Machine, kind: Kind) -> list[str]:
     lines.label("done")
     lines.do("ret void")
     blocks = "" if wide else "i64 %blocks, "
-    head = f"void @{kind}({blocks}{_INOUT.format('%in.first', '%out.first')}) {machine.attributes}"
+    head = f"void @{kind}({blocks}{INOUT.format('%in.first', '%out.first')}) {machine.attributes}"
     return [*parts, lines.table_text(), function_text(head, lines.text)]
 
 
@@ -133,14 +131,23 @@ def _in_functions(
 ) -> list[str]:
     """Append the calls of the sections as functions, and return these."""
     wide = lines.of_width(machine.lanes)
-    parts = []
+    parts = [
+        text
+        for k, part in enumerate(plan.parts)
+        for text in called.part_text(f"{name}.part.{k}", part, plan, lines.width, machine, abreast)
+    ]
     for k, section in enumerate(plan.sections):
+        if section.part is not None:
+            number, call = section.part
+            part = plan.parts[number]
+            lines.do(called.call_text(f"{name}.part.{number}", part, call))
+            continue
         part = Lines(lines.width, ConstantTable.of(f"{name}.{k}", machine))
         body = SectionBody(part, program, plan, "%source", "%target", abreast)
         body.add(section)
         _keep_angles(body, section, machine)
         part.do("ret void")
-        pointers = f"{_INOUT.format('%in', '%out')}, {_INOUT.format('%source', '%target')}"
+        pointers = f"{INOUT.format('%in', '%out')}, {INOUT.format('%source', '%target')}"
         head = f"internal void @{name}.{k}({pointers}) noinline {machine.attributes}"
         parts += [part.table_text(), function_text(head, part.text)]
         lines.do(f"call void @{name}.{k}(ptr %in, ptr %out, ptr %kept, ptr %kept)")

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 from linkwork.kernels.machine import Machine
 
+INOUT = "ptr noalias nonnull readonly {}, ptr noalias nonnull writeonly {}"
+
 
 @dataclass(frozen=True)
 class ConstantTable:
@@ -81,12 +83,14 @@ class Lines:
             self._entries.append(f"{self.number} {self._spread('double', single)}")
             return self.load(f"@{self.table.name}", len(self._entries) - 1)
         self._entries.append(f"double {single}")
-        return self._broadcast(f"@{self.table.name}", len(self._entries) - 1)
+        return self.single(f"@{self.table.name}", len(self._entries) - 1)
 
-    def _broadcast(self, pointer: str, k: int) -> str:
+    def single(self, pointer: str, k: int) -> str:
         """Read single number k of those at `pointer` into all lanes."""
         place = self.let(f"getelementptr inbounds double, ptr {pointer}, i64 {k}")
         first = self.let(f"load double, ptr {place}, align 8")
+        if self.width == 1:
+            return first
         vector = self.let(f"insertelement {self.number} poison, double {first}, i64 0")
         lanes = f"<{self.width} x i32> zeroinitializer"
         return self.let(f"shufflevector {self.number} {vector}, {self.number} poison, {lanes}")
@@ -115,11 +119,19 @@ class Lines:
 
     def load(self, pointer: str, k: int | str) -> str:
         """Read number k of those at `pointer`."""
-        return self.let(f"load {self.number}, ptr {self.at(pointer, k)}, align {8 * self.width}")
+        return self.load_at(self.at(pointer, k))
+
+    def load_at(self, address: str) -> str:
+        """Read the number at an address."""
+        return self.let(f"load {self.number}, ptr {address}, align {8 * self.width}")
 
     def store(self, value: str, pointer: str, k: int | str) -> None:
         """Write number k of those at `pointer`."""
-        self.do(f"store {self.number} {value}, ptr {self.at(pointer, k)}, align {8 * self.width}")
+        self.store_at(value, self.at(pointer, k))
+
+    def store_at(self, value: str, address: str) -> None:
+        """Write the number at an address."""
+        self.do(f"store {self.number} {value}, ptr {address}, align {8 * self.width}")
 
     def vector(self, numbers: list[str]) -> str:
         """Return the vector of single numbers, zeros after the last."""

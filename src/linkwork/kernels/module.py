@@ -2,9 +2,11 @@
 cache, or compiled and written there.
 """
 
+import gc
 import struct
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import casadi as ca
@@ -49,10 +51,23 @@ def load(f: ca.Function, program: Callable[[], Program], kind: Kind) -> Module:
     content = cache.read(entry)
     from_cache = content is not None
     if content is None:
-        with announced(f"compiling {f.name()}"):
+        with announced(f"compiling {f.name()}"), uncollected():
             code = object_code(module_text(program(), machine, kind), machine)
         content = _OPERATIONS.pack(program().operations) + code
         cache.write(entry, content)
     (operations,) = _OPERATIONS.unpack_from(content)
     code = Code(content[_OPERATIONS.size :], FUNCTIONS.get(kind, (kind,)))
     return Module(code, operations, from_cache, time.perf_counter() - start)
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Keep Python from looking for cycles: a program is many small objects, without any, which it
+    would go through again and again."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()

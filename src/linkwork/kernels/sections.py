@@ -8,21 +8,20 @@ the rest of the program.
 
 The sections of a small program are code of one function. Where there are many angles they become
 functions between the calls that compute sines and cosines, and LLVM's time grows with the square of
-a function's length: the sections of a large program are cut further, where `simplify` begins a new
-stretch, and are functions too. What later ones need is handed over in memory; a slot is used again
-by the sections after the last one that needs its value.
+a function's length: the sections of a large program are cut further and are functions too, those
+that recur one for all (`repeats`). What later ones need is handed over in memory; a slot is used
+again by the sections after the last one that needs its value.
 """
 
 from collections import defaultdict
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 from linkwork.kernels.program import Operation, Program
-from linkwork.kernels.simplify import STRETCH
+from linkwork.kernels.repeats import FETCHED, Part, part_of, repeats
+from linkwork.kernels.simplify import LARGE, STRETCH, by_stretches, chain_lengths
 
-_LARGE = 16 * STRETCH
 _MANY = 8  # vectors of angles
-FETCHED = frozenset(("input", "const", "sin", "cos"))
 
 
 @dataclass(frozen=True)
@@ -35,12 +34,14 @@ class Section:
     vectors: number of vectors that the angles fill; the slots hold them, their sines and their
         cosines, that many vectors each.
     first: number of vectors before those in the slots.
+    part: number of the part that it is a call of, and number of the call, if it is one
     """
 
     nodes: tuple[int, ...]
     angles: tuple[int, ...] = ()
     vectors: int = 0
     first: int = 0
+    part: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class SectionPlan:
     kept: the slot of each value that a later section needs, where they are
     sines, cosines: slots by the angle's position; slots: number of slots
     places: in the flat output vector, by the value's position
+    parts: what sections have in common, by number
     """
 
     sections: tuple[Section, ...]
@@ -60,20 +62,35 @@ class SectionPlan:
     cosines: dict[int, int]
     slots: int
     places: dict[int, list[int]]
+    parts: tuple[Part, ...]
+    nodes: tuple[Operation, ...]
+
+    def slot(self, k: int) -> int:
+        """Return the slot that holds the value at position k, or the sine or cosine there."""
+        op, args, _ = self.nodes[k]
+        if op in ("sin", "cos"):
+            return (self.sines if op == "sin" else self.cosines)[args[0]]
+        return self.kept[k]
 
 
 def planned(program: Program, angles_in_vector: int) -> SectionPlan:
     """Cut a program into sections; a vector holds so many angles of one state."""
     # Results by place. A large program is cut further, into stretches.
     nodes = program.nodes
-    large = len(nodes) > _LARGE
+    large = len(nodes) > LARGE
     places = defaultdict(list)
     for place, k in enumerate(program.results):
         places[k].append(place)
 
-    def pieces(positions: Iterable[int]) -> list[tuple[int, ...]]:
+    def pieces(positions: Iterable[int]) -> list[Section]:
         computed = [k for k in positions if nodes[k].op not in FETCHED or k in places]
-        return _stretches(computed) if large else [tuple(computed)]
+        return (
+            list(_pieces(nodes, computed, places, ranks)) if large else [Section(tuple(computed))]
+        )
+
+    # In a large program the operations of a stretch do not stand in their order yet.
+    order = by_stretches(range(len(nodes)), chain_lengths(nodes)) if large else []
+    ranks = {k: rank for rank, k in enumerate(order)}
 
     # Angles whose sines are taken together end a section: all that they need comes before.
     sections: list[Section] = []
@@ -86,10 +103,8 @@ def planned(program: Program, angles_in_vector: int) -> SectionPlan:
         done.update(needed)
         *before, last = pieces(needed)
         vectors = -(-len(angles) // angles_in_vector)
-        sections += [
-            *map(Section, before),
-            Section(last, angles, vectors, slots // angles_in_vector),
-        ]
+        ending = {"angles": angles, "vectors": vectors, "first": slots // angles_in_vector}
+        sections += [*before, replace(last, **ending)]
         # Room for the angles, their sines and their cosines, side by side.
         size = vectors * angles_in_vector
         sines.update((k, slots + size + i) for i, k in enumerate(angles))
@@ -98,9 +113,11 @@ def planned(program: Program, angles_in_vector: int) -> SectionPlan:
 
     # What no angle needs comes last. Sections that are compiled apart keep in memory what others
     # need.
-    sections += map(Section, pieces(k for k in range(len(nodes)) if k not in done))
+    sections += pieces(k for k in range(len(nodes)) if k not in done)
     apart = large or max(section.vectors for section in sections) > _MANY
-    kept = _slots(nodes, sections, slots) if apart else {}
+    last = _last(nodes, sections) if apart else {}
+    parts = _call_parts(nodes, sections, places, last)
+    kept = _slots(sections, last, slots)
     return SectionPlan(
         tuple(sections),
         apart,
@@ -109,7 +126,59 @@ def planned(program: Program, angles_in_vector: int) -> SectionPlan:
         cosines,
         max(kept.values(), default=slots - 1) + 1,
         dict(places),
+        tuple(parts),
+        nodes,
     )
+
+
+def _pieces(
+    nodes: tuple[Operation, ...],
+    positions: list[int],
+    places: dict[int, list[int]],
+    ranks: dict[int, int],
+) -> Iterator[Section]:
+    """Yield the sections of a large program between its sines: calls of parts, and stretches, of
+    which the last one is no call.
+
+    ranks: of the positions in the order in which they are carried out but for parts
+    """
+    computed = [k for k in positions if nodes[k].op not in FETCHED]
+    cut = repeats(nodes, computed, places)
+    if len(cut) == 1:
+        yield from map(Section, _stretches(positions, ranks))
+        return
+    for own, kind in cut:
+        if kind is None:
+            yield from map(Section, _stretches(own, ranks))
+        else:
+            yield Section(own, part=(computed[0], kind))
+    yield Section(tuple(k for k in positions if nodes[k].op in FETCHED))
+
+
+def _call_parts(
+    nodes: tuple[Operation, ...],
+    sections: list[Section],
+    places: dict[int, list[int]],
+    last: dict[int, int],
+) -> list[Part]:
+    """Return the parts that sections are calls of, in which these are numbered.
+
+    last: the last section that reads what is read by another one than its own; filled up, for a
+    part writes in every call what is read of it after one
+    """
+    calls: defaultdict[tuple[int, int], list[int]] = defaultdict(list)
+    for s, section in enumerate(sections):
+        if section.part is not None:
+            calls[section.part].append(s)
+    parts: list[Part] = []
+    for own in calls.values():
+        part = part_of(nodes, [sections[s].nodes for s in own], places, last)
+        for call, s in enumerate(own):
+            sections[s] = Section(part.calls[call], part=(len(parts), call))
+            for i in part.kept:
+                last.setdefault(part.place(call, i), s)
+        parts.append(part)
+    return parts
 
 
 def _angles(nodes: tuple[Operation, ...]) -> list[tuple[int, ...]]:
@@ -138,12 +207,12 @@ def _needed(nodes: tuple[Operation, ...], roots: Iterable[int], done: set[int]) 
     return sorted(found)
 
 
-def _stretches(positions: list[int]) -> list[tuple[int, ...]]:
+def _stretches(positions: Iterable[int], ranks: dict[int, int]) -> list[tuple[int, ...]]:
     """Cut between stretches, so that a piece has as many whole ones as have STRETCH of the
     positions at most."""
     stretches = defaultdict(list)
-    for k in positions:
-        stretches[k // STRETCH].append(k)
+    for k in sorted(positions, key=ranks.__getitem__):
+        stretches[ranks[k] // STRETCH].append(k)
     pieces: list[list[int]] = [[]]
     for stretch in stretches.values():
         if len(pieces[-1]) + len(stretch) > STRETCH:
@@ -152,8 +221,8 @@ def _stretches(positions: list[int]) -> list[tuple[int, ...]]:
     return list(map(tuple, pieces))
 
 
-def _slots(nodes: tuple[Operation, ...], sections: list[Section], first: int) -> dict[int, int]:
-    """Return a slot from `first` on for each value that a later section than its own needs."""
+def _last(nodes: tuple[Operation, ...], sections: list[Section]) -> dict[int, int]:
+    """Return the last section that reads a value, for each that another one reads than its own."""
     home = {
         k: s
         for s, section in enumerate(sections)
@@ -164,6 +233,12 @@ def _slots(nodes: tuple[Operation, ...], sections: list[Section], first: int) ->
     for s, section in enumerate(sections):
         needed = {a for k in section.nodes for a in nodes[k].args}.union(section.angles)
         last.update((k, s) for k in needed if home.get(k, s) != s)
+    return last
+
+
+def _slots(sections: list[Section], last: dict[int, int], first: int) -> dict[int, int]:
+    """Return a slot from `first` on for each value that is kept to the last section that reads
+    it."""
     ending = defaultdict(list)
     for k, s in last.items():
         ending[s].append(k)

@@ -19,6 +19,7 @@ finite.
 import math
 import struct
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -30,6 +31,8 @@ _COMMUTING = frozenset(("add", "mul", "hypot", "eq", "ne", "and", "or"))
 _SMALLEST_NORMAL = 2.0**-1022
 STRETCH = 500
 """Number of nodes within which values are ordered by their depth."""
+LARGE = 16 * STRETCH
+"""Number of nodes from which on a program is cut into `sections` first."""
 
 
 def simplify(program: Program) -> Program:
@@ -42,27 +45,41 @@ def _ordered(program: Program) -> Program:
     """Drop the nodes that no result needs and put the rest in an order that is quick to execute.
 
     Depth first, the operand with the longest chain of operations before the others, so that a value
-    is computed near its use; then, within each stretch of STRETCH nodes, by the length of that
-    chain, so that operations that do not wait for each other are neighbours.
+    is computed near its use; then, but in a LARGE program, within each stretch of STRETCH nodes by
+    the length of that chain, so that operations that do not wait for each other are neighbours.
     """
-    depths: list[int] = []
-    for node in program.nodes:
-        depths.append(1 + max((depths[a] for a in node.args), default=0))
+    depths = chain_lengths(program.nodes)
     visited: dict[int, None] = {}
     for result in program.results:
         _visit(program.nodes, result, depths, visited)
     order = list(visited)
-    for start in range(0, len(order), STRETCH):
-        order[start : start + STRETCH] = sorted(
-            order[start : start + STRETCH], key=depths.__getitem__
-        )
+    if len(order) <= LARGE:
+        order = by_stretches(order, depths)
     places = {k: place for place, k in enumerate(order)}
-    nodes = (program.nodes[k] for k in order)
+    nodes = [
+        Operation(op, tuple([places[a] for a in args]), value)
+        for op, args, value in map(program.nodes.__getitem__, order)
+    ]
     return replace(
         program,
-        nodes=tuple(node._replace(args=tuple(places[a] for a in node.args)) for node in nodes),
+        nodes=tuple(nodes),
         results=tuple(places[r] for r in program.results),
     )
+
+
+def chain_lengths(nodes: Sequence[Operation]) -> list[int]:
+    """Return the length of the longest chain of operations that ends in each node."""
+    depths: list[int] = []
+    for _, args, _ in nodes:
+        depths.append(1 + max([depths[a] for a in args], default=0))
+    return depths
+
+
+def by_stretches(order: Sequence[int], depths: Sequence[int]) -> list[int]:
+    """Return nodes in an order in which those of each stretch are sorted by the length of their
+    chains."""
+    starts = range(0, len(order), STRETCH)
+    return [k for i in starts for k in sorted(order[i : i + STRETCH], key=depths.__getitem__)]
 
 
 def _visit(
@@ -72,8 +89,10 @@ def _visit(
     stack = [root]
     while stack:
         waiting = [a for a in nodes[stack[-1]].args if a not in visited]
-        if waiting:
-            stack.extend(sorted(waiting, key=depths.__getitem__))
+        if len(waiting) == 1:
+            stack += waiting
+        elif waiting:
+            stack += sorted(waiting, key=depths.__getitem__)
         else:
             visited.setdefault(stack.pop())
 
@@ -252,7 +271,7 @@ class _Builder:
 def _key(op: str, args: tuple[int, ...], value: float = 0) -> tuple:
     """Return what two equal nodes share; constants are compared bit by bit, so that -0 is not 0 and
     NaN is NaN."""
-    return op, args, struct.pack("<d", value)
+    return (op, args, struct.pack("<d", value)) if op == "const" else (op, args, value)
 
 
 def _has_exact_reciprocal(x: float) -> bool:
