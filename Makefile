@@ -4,6 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 BROWSER := $(VENV)/.browser
+COMPILERS := $(VENV)/.compilers
 UV_VERSION := 0.13.8
 
 .PHONY: demo test hostile bench docs lock clean
@@ -11,7 +12,7 @@ UV_VERSION := 0.13.8
 demo: $(READY)  ## reproduce the paper: report.html and its data in ./demo
 	$(BIN)/linkwork reproduce --out demo
 
-test: $(READY) $(BROWSER)  ## lint, types, all tests
+test: $(READY) $(BROWSER) $(COMPILERS)  ## lint, types, all tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
@@ -39,6 +40,10 @@ $(READY): requirements.lock pyproject.toml
 
 $(BROWSER): $(READY) tests/viewer/chromium.sh  # a Chromium for the viewer's tests, where none is installed; without one they are skipped and say so
 	sh tests/viewer/chromium.sh $(BIN)/playwright
+	touch $@
+
+$(COMPILERS): $(READY) tests/export/compilers.sh  # compilers and processors for the tests of exported C; those of what is missing are skipped and say so
+	sh tests/export/compilers.sh
 	touch $@
 
 clean:

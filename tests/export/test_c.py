@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.export.calls import PIECES
+from linkwork.export.calls import PROGRAMS
 from linkwork.kernels import compile_function
 from linkwork.model.checks import PIVOT_BOUND
 from linkwork.robot import Robot
@@ -41,7 +41,7 @@ def test_c_gives_the_numbers_of_the_kernels(name, tmp_path):
     wanted = [each for each in wanted if has(robot, each)]
     library, given = Library(robot, lw.export.c(robot, wanted), tmp_path), samples(robot)
     for function in wanted:
-        piece = PIECES[function]
+        piece = PROGRAMS[function]
         inputs = [given[each] for each in piece.inputs]
         own = function == "motion" or robot.actuators == robot.independent
         known = function in ("motion", "inverse_dynamics") and own

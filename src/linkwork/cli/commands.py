@@ -158,6 +158,9 @@ def export(
         str | None,
         typer.Option(help="C: what all names begin with; the robot's name if left out."),
     ] = None,
+    misra: Annotated[
+        bool, typer.Option("--misra", help="C: with a note on deviations from MISRA C:2012.")
+    ] = False,
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
@@ -171,7 +174,15 @@ def export(
 
     source = Source(robot, reference, floating, packages, merging, includes)
     chosen = {"precision": precision.value, "sines": sines.value, "free": free, "name": name}
-    export(source, to.value, file, out, {"functions": functions, **chosen}, overwrite, json)
+    export(
+        source,
+        to.value,
+        file,
+        out,
+        {"functions": functions, **chosen, "misra": misra},
+        overwrite,
+        json,
+    )
 
 
 @app.command()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from linkwork import formats
 from linkwork.cli.catalogue import built, find, refuse_existing, tell_written
@@ -18,7 +19,9 @@ PLAIN = {
     "sines": "polynomial",
     "free": None,
     "name": None,
+    "misra": False,
 }
+"""What the options of C are left out as."""
 
 
 def export(
@@ -26,7 +29,7 @@ def export(
     to: str,
     file: Path | None,
     out: Path | None,
-    chosen: Mapping[str, str | None],
+    chosen: Mapping[str, Any],
     overwrite: bool,
     as_json: bool,
 ) -> None:
@@ -52,7 +55,7 @@ def export_c(
     source: Source,
     file: Path | None,
     out: Path | None,
-    chosen: Mapping[str, str | None],
+    chosen: Mapping[str, Any],
     overwrite: bool,
     as_json: bool,
 ) -> None:
@@ -69,10 +72,8 @@ def export_c(
         written = c(
             robot,
             split(chosen["functions"]),
-            precision=chosen["precision"],  # pyright: ignore[reportArgumentType]
             parameters="free" if free else "fixed",
-            sines=chosen["sines"],  # pyright: ignore[reportArgumentType]
-            name=chosen["name"],
+            **{each: chosen[each] for each in ("precision", "sines", "name", "misra")},
         )
     for name in written.files:
         refuse_existing(out / name, overwrite)

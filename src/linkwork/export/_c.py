@@ -1,4 +1,5 @@
-"""A robot's equations of motion as C99: one header and one source."""
+"""A robot's equations of motion as C99: one header and one source, and what builds and tests
+them."""
 
 from __future__ import annotations
 
@@ -10,10 +11,11 @@ from typing import Literal
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
-from linkwork.export.calls import CALLS, OTHER_CHARTS, PIECES, Call
+from linkwork.export.calls import CALLS, OTHER_CHARTS, PROGRAMS, Call
 from linkwork.export.header import header_text
 from linkwork.export.identifiers import given_prefix, identifiers, prefix
 from linkwork.export.layout import ArrayLayout, layouts
+from linkwork.export.packaging import package_files
 from linkwork.export.source import source_text
 from linkwork.export.statements import Dialect, Precision, Sines
 from linkwork.kernels.program import Program
@@ -69,6 +71,7 @@ def c(
     parameters: Parameters = "fixed",
     sines: Sines = "polynomial",
     name: str | None = None,
+    misra: bool = False,
 ) -> CExport:
     """Write a robot's equations of motion as C99 that needs nothing but the C library's `math.h`.
 
@@ -82,9 +85,11 @@ def c(
         sines: "polynomial": those of the kernels, with which all numbers are the kernels'; "libm":
             the C library's.
         name: what all names begin with; made of the robot's name if left out.
+        misra: whether a note on deviations from MISRA C:2012 goes with it.
 
     Returns:
-        A `CExport`: its `files` by name, `write(folder)`, and `notes` on what was left out.
+        A `CExport`: its `files` by name (header, source, self-test, CMake, pkg-config, README),
+            `write(folder)`, and `notes` on what was left out.
 
     Raises:
         LinkworkError: a function that this robot does not have, or another choice that there is
@@ -102,7 +107,7 @@ def c(
             'or take parameters="fixed"'
         )
     with announced(f"writing {robot.mechanism.name} in C"):
-        return written(robot, functions, free, Dialect(precision, sines), name)
+        return written(robot, functions, free, Dialect(precision, sines), name, misra)
 
 
 def choose(what: str, value: object, allowed: tuple[str, ...]) -> None:
@@ -118,6 +123,7 @@ def written(
     free: bool,
     dialect: Dialect,
     name: str | None,
+    misra: bool,
 ) -> CExport:
     """Return the export of what was checked."""
     # The functions that there are, and why others are not.
@@ -144,7 +150,9 @@ def written(
     # The files.
     header = header_text(robot, arrays, calls, fields, notes, dialect.precision)
     source = source_text(robot, dialect, arrays, calls, programs, fields, notes)
-    files = {f"{own}.h": named(header, own), f"{own}.c": named(source, own)}
+    package = package_files(robot, dialect, calls, free, notes, misra)
+    files = {"LW_FILE.h": header, "LW_FILE.c": source, **package}
+    files = {named(name, own): named(text, own) for name, text in files.items()}
     return CExport(own, files, tuple(call.name for call in calls), tuple(notes))
 
 
@@ -163,7 +171,7 @@ def programs_of(
     call.refuse(robot)
     closed = robot.mobility < robot.equations.nv
     needed = [each for each in call.needs if closed or each not in OTHER_CHARTS]
-    return {each: PIECES[each].program(robot, free) for each in needed if each not in known}
+    return {each: PROGRAMS[each].program(robot, free) for each in needed if each not in known}
 
 
 def mapped_names(arrays: Mapping[str, ArrayLayout]) -> list[str]:

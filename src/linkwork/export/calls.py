@@ -70,7 +70,7 @@ class Call:
         return self.pieces or (self.name,)
 
 
-PIECES: Mapping[str, PartProgram] = {
+PROGRAMS: Mapping[str, PartProgram] = {
     "motion": PartProgram(expressions.motion, ("q", "v", "u"), ("dq", "dv", "pivot")),
     "inverse_dynamics": PartProgram(expressions.inverse_dynamics, ("q", "v", "dv"), ("u", "pivot")),
     "mass_matrix": PartProgram(expressions.mass_matrix, ("q",), ("M", "pivot")),

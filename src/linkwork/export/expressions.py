@@ -19,6 +19,7 @@ from linkwork.equations.effects import rotation_vector
 from linkwork.equations.elimination import solve, weakest
 from linkwork.equations.equations import conditions, solve_symmetric
 from linkwork.equations.task import task_map
+from linkwork.equations.tree import Tree
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.sticking import strains
 from linkwork.mechanism.task import labels
@@ -95,7 +96,7 @@ def closing(robot: Robot) -> ca.Function:
     step, pivots = solve(equations.chart, rows.Phi, -rows.phi)
     w = equations.scatter(step, SX.zeros(equations.mobility, 1))
     outputs = {
-        "next": tree.normed(tree.q + tree.derivatives(w)),
+        "next": unit(tree, tree.q + tree.derivatives(w)),
         "gap": conditions(equations),
         "length": largest(w * ca.DM(1 / tree.rate_units)),
         "pivot": weakest_stage(equations.chart, pivots),
@@ -127,13 +128,20 @@ def approaching(robot: Robot) -> ca.Function:
     q = tree.q + tree.derivatives(w * (1 / ca.fmax(1, length / LONGEST)))
     heights = np.concatenate([rows.units, asked.units])
     outputs = {
-        "next": tree.normed(q),
+        "next": unit(tree, q),
         "gap": largest(ca.vertcat(residual * ca.DM(1 / heights), rows.excess, *tree.norms())),
         "length": length,
         "pivot": weakest_stage(order, pivots),
         "error": error,
     }
     return functions.function("approaching", equations, outputs, x=x, left=left)
+
+
+def unit(tree: Tree, q: ca.SX) -> ca.SX:
+    """Return q with its quaternions at length 1."""
+    for places, _ in tree.quaternions:
+        q[list(places)] /= ca.norm_2(q[list(places)])
+    return q
 
 
 def held_of(asked: ToolAsked, x: ca.SX) -> ca.SX:

@@ -1,32 +1,75 @@
 """Sines and cosines in C: the polynomials of the kernels (`kernels.elementary`), for any number of
 angles by one loop that compilers can make vectors of; or the C library's functions.
+
+Floats have polynomials of their own: minimax by Lawson's iteration, coefficients rounded, good to
+1.3e-8 (sine) and 2e-10 (cosine) relative, and pi/2 in three floats, or in four of which three have
+11 bits.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from linkwork.export.statements import Dialect
+from linkwork.export.statements import Dialect, Precision
 from linkwork.export.templates import filled
 from linkwork.kernels import elementary
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """Hold how sines and cosines are found in a precision: x = k pi/2 + r, then polynomials in r^2.
+
+    bounds: largest |x| with and without products and sums of one rounding; whole: what a number is
+    added to that it becomes a whole one; parts: of pi/2, with and without those
+    """
+
+    bounds: tuple[float, float]
+    whole: float
+    parts: tuple[Sequence[float], Sequence[float]]
+    sine: Sequence[float]
+    cosine: Sequence[float]
+
+
+def _numbers(*texts: str) -> tuple[float, ...]:
+    return tuple(map(float.fromhex, texts))
+
+
+REDUCTIONS: dict[Precision, Reduction] = {
+    "double": Reduction(
+        (elementary.LARGEST_ANGLE, elementary.LARGEST_ANGLE_WITHOUT_FMA),
+        elementary.ROUND,
+        (elementary.HALF_PI, elementary.HALF_PI_SHORT),
+        elementary.SINE,
+        elementary.COSINE,
+    ),
+    "float": Reduction(
+        (4096.0, 4096.0),
+        1.5 * 2.0**23,
+        (
+            _numbers("0x1.921fb6p+0", "-0x1.777a5cp-25", "-0x1.ee59dap-50"),
+            _numbers("0x1.92p+0", "0x1.fb4p-12", "0x1.444p-24", "0x1.68c234p-39"),
+        ),
+        _numbers("-0x1.555552p-3", "0x1.110bf8p-7", "-0x1.9aaf5p-13"),
+        _numbers("-0x1p-1", "0x1.55554cp-5", "-0x1.6c0db0p-10", "0x1.9a52c8p-16"),
+    ),
+}
 
 
 def turn_text(dialect: Dialect) -> str:
     """Return the static C function  turn(n, x, s, c):  s = sin x, c = cos x for n angles."""
     if dialect.sines == "libm":
         return filled("turn_libm.c", dialect)
-    bounds = elementary.LARGEST_ANGLE, elementary.LARGEST_ANGLE_WITHOUT_FMA
-    numbers = {
-        "BOUND_WITH_FMA": bounds[0],
-        "BOUND_WITHOUT_FMA": bounds[1],
-        "PER_QUARTER": elementary.TWO_OVER_PI,
-        "ROUND": elementary.ROUND,
-    }
-    words = {name: dialect.constant(value) for name, value in numbers.items()} | {
-        "REDUCTION_WITH_FMA": _reduction(elementary.HALF_PI, dialect),
-        "REDUCTION_WITHOUT_FMA": _reduction(elementary.HALF_PI_SHORT, dialect),
-        "SINE_POLYNOMIAL": _horner(elementary.SINE, dialect),
-        "COSINE_POLYNOMIAL": _horner(elementary.COSINE, dialect),
+    own = REDUCTIONS[dialect.precision]
+    words = {
+        "BOUND_WITH_FMA": dialect.constant(own.bounds[0]),
+        "BOUND_WITHOUT_FMA": dialect.constant(own.bounds[1]),
+        "PER_QUARTER": dialect.constant(elementary.TWO_OVER_PI),
+        "ROUND": dialect.constant(own.whole),
+        "REDUCTION_WITH_FMA": _reduction(own.parts[0], dialect),
+        "REDUCTION_WITHOUT_FMA": _reduction(own.parts[1], dialect),
+        "SINE_POLYNOMIAL": _horner(own.sine, dialect),
+        "COSINE_POLYNOMIAL": _horner(own.cosine, dialect),
     }
     return filled("turn.c", dialect, words)
 
