@@ -50,8 +50,8 @@ def simulate(
     # What is integrated, and over which times.
     start = left.time if left else 0.0
     span = (start, start + settings.duration)
-    state = robot.own(state)
     events = watched(robot, settings.events)
+    state = robot.own(state)
     runs = system(
         robot, forces, drives, wrenches, events, given, span, settings.integrator.stiff, state
     )
