@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+from copy import copy
 from functools import cache
 from importlib import util
 
@@ -138,6 +139,21 @@ def test_loops_are_led_far_and_what_cannot_be_closed_is_told(tmp_path):
     assert np.isnan(engine.data.qacc).all()
 
 
+def test_copies_of_a_model_are_known_and_other_models_left_alone(tmp_path):
+    engine = Plugged(*leg_of("ankle"), tmp_path)
+    state = next(engine.states(1))
+    wanted = engine.forward(state, 1.0)
+    engine.model = copy(engine.model)
+    engine.data = mujoco.MjData(engine.model)
+    assert (engine.forward(state, 1.0) == wanted).all()
+    other = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><joint name='a'/><geom size='.1'/></body></worldbody></mujoco>"
+    )
+    data = mujoco.MjData(other)
+    engine.called(mujoco.mj_forward, other, data)
+    assert not data.qfrc_passive.any()
+
+
 def test_servos_at_the_motors_are_those_of_the_description(tmp_path):
     """A position servo's law acts on the motor's own angle."""
     law = {"type": "servo", "gain": 20.0, "bias_position": -20.0, "bias_rate": -0.5}
@@ -193,6 +209,7 @@ def test_refusals(tmp_path, monkeypatch):
         (lambda: tree.write_plugin(tmp_path / "gone" / "leg.c"), "to a file .c in a folder"),
         (lambda: tree.callback(other), "the model has no joint 'ankle.angle_1'"),
         (lambda: tree.callback(model), "the model has no joint"),
+        (lambda: tree.callback("leg.xml"), "the model is 'leg.xml'; give a mujoco.MjModel"),
     ):
         with pytest.raises(LinkworkError, match=said):
             call()
