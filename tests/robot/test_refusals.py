@@ -198,6 +198,13 @@ def test_what_the_description_lacks():
     refused("the generalised inertia is singular", massless.forward_dynamics, massless.home, [1.0])
 
 
+def test_forces_of_a_mechanism_without_actuators_are_an_empty_list():
+    free = Robot(lw.robots.pendulum().model_copy(update={"actuators": ()}))
+    assert free.forward_dynamics(free.home, []).shape == (1,)
+    with pytest.raises(lw.LinkworkError, match=r"shape \(1,\); there are none here: give \[\]"):
+        free.forward_dynamics(free.home, [1.0])
+
+
 def test_robots_that_look_alike(robot):
     longer = Robot(prr3(l1=0.35))
     refused("its loops are open by", robot.gravity, longer.home)

@@ -108,6 +108,8 @@ def vector(
 
 
 def refuse_shape(array: np.ndarray, what: str, names: Sequence[str]) -> NoReturn:
+    if not names:
+        raise LinkworkError(f"{what} has shape {array.shape}; there are none here: give []")
     raise LinkworkError(
         f"{what} has shape {array.shape}; give {len(names)} numbers in the last dimension: "
         f"{', '.join(names)}"
