@@ -40,6 +40,8 @@ class Desk(Protocol):
     def post(self, wish: Callable[[], None], about: object = None) -> None: ...
     def find_branches(self, same: str) -> None: ...
     def show_branch(self, index: int) -> None: ...
+    def show_reach(self) -> None: ...
+    def hide_reach(self) -> None: ...
     def simulate(self, controller: str, forces: dict[str, float], duration: float) -> None: ...
     def go_on(self, controller: str, forces: dict[str, float], body: str) -> None: ...
     def look(self, client: viser.ClientHandle, name: str) -> None: ...
@@ -284,6 +286,19 @@ class Panels:
             hint="Blue: well conditioned; yellow; vermilion: nearly singular",
         )
         self.coloured.on_update(self._by_hand(lambda: self._post(lambda: None)))
+
+        if tools:
+            self._add_reach()
+
+    def _add_reach(self) -> None:
+        reach = self.gui.add_button(
+            "Workspace from here",
+            hint="What the tool reaches as it is turned now, and, vermilion, where it is "
+            "actuator-singular",
+        )
+        reach.on_click(lambda _: self.desk.show_reach())
+        hide = self.gui.add_button("Hide the workspace")
+        hide.on_click(lambda _: self.desk.hide_reach())
 
     def _look(self, client: viser.ClientHandle | None, name: str) -> None:
         if client is not None:

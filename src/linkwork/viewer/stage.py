@@ -5,20 +5,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import viser
 
 from linkwork.mechanism import GROUND
-from linkwork.scene.colours import GREEN, ORANGE, PINK, rgb
+from linkwork.scene.colours import GREEN, ORANGE, PINK, VERMILION, rgb
+from linkwork.scene.colours import SKY as SKY_BLUE
 from linkwork.scene.fixtures import OPACITY, Fixture
 from linkwork.scene.layout import Placement, of_mesh, quaternions, turned_by
 from linkwork.scene.rails import Rail
 from linkwork.viewer.arrows import ArrowLines
 from linkwork.viewer.cameras import FIELD_OF_VIEW, camera, distance, follow, look, outlook
 from linkwork.viewer.conditioning import colour
-from linkwork.viewer.marks import FRAMES, Marks, written
+from linkwork.viewer.marks import FRAMES, Marks, Pose, written
+from linkwork.viewer.reach import Reach
 from linkwork.viewer.session import Pulled, Session
 
 ARROWS = {
@@ -27,6 +29,7 @@ ARROWS = {
     "velocities": rgb(GREEN),
 }
 BODILY = ("member", "plate", "shell")  # roles of what takes the colour of the conditioning
+REACHED, SINGULAR = 0.25, 0.5  # opacity of the surfaces of what the tool reaches
 FAINT = 0.3  # opacity of the run that is laid over
 SHAFT, HEAD, HEAD_LENGTH = (
     0.006,
@@ -73,6 +76,7 @@ class BrowserStage:
         self.server, self.robot, self.parts = server, session.robot, session.parts
         moving, placement = session.layout.moving, session.layout.place(session.state)
         self.moving, self.faint = moving, []
+        self.reach: list[Any] = []
         self.batches = [
             self._add_batch(group, placement) for group in of_mesh(self.parts.parts, moving)
         ]
@@ -215,6 +219,54 @@ class BrowserStage:
             return
         self.spring.visible = True
         self.spring.points = np.stack([pulled.place, pulled.hand])[None].astype(np.float32)
+
+    def show_reach(self, reach: Reach | None, base: Pose | None = None) -> None:
+        """Show what the tool reaches, and where it is singular, relative to a frame; or nothing."""
+        for node in self.reach:
+            node.remove()
+        self.reach = []
+        if reach is None or base is None:
+            return
+        # Of the outer surface in space the far walls: the near ones would hide what is within.
+        walls = "double" if self.robot.planar else "back"
+        singular = reach.singular_corners, reach.singular_triangles
+        self._add_surface("singular", *singular, rgb(VERMILION), SINGULAR, "double", base)
+        whole = reach.corners, reach.triangles
+        self._add_surface("reached", *whole, rgb(SKY_BLUE), REACHED, walls, base)
+        if len(reach.singular_lines):
+            added = self.server.scene.add_line_segments(
+                "/reach/lines",
+                reach.singular_lines.astype(np.float32),
+                rgb(VERMILION),
+                thickness=SPRING,
+                thickness_units="screen",
+                position=base[0],
+                wxyz=quaternions(base[1][None])[0],
+            )
+            self.reach.append(added)
+
+    def _add_surface(
+        self,
+        name: str,
+        corners: np.ndarray,
+        triangles: np.ndarray,
+        colour: tuple[int, int, int],
+        opacity: float,
+        side: Literal["double", "back"],
+        base: Pose,
+    ) -> None:
+        if len(triangles):
+            node = self.server.scene.add_mesh_simple(
+                f"/reach/{name}",
+                corners.astype(np.float32),
+                triangles.astype(np.uint32),
+                color=colour,
+                opacity=opacity,
+                side=side,
+                position=base[0],
+                wxyz=quaternions(base[1][None])[0],
+            )
+            self.reach.append(node)
 
     def _add_grip(self) -> viser.TransformControlsHandle:
         return self.server.scene.add_transform_controls(

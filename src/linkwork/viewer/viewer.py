@@ -206,6 +206,31 @@ class Viewer:
         self.panels.show_branches(len(found), index)
         self.session.notice = f"{len(found)} found" if len(found) > 1 else "there is no other one"
 
+    def show_reach(self) -> None:
+        """Look for what the tool reaches from here, and show it."""
+        self.post(lambda: self._work("looking for what the tool reaches", self._reach()))
+
+    def hide_reach(self) -> None:
+        """Show no longer what the tool reaches."""
+        self.post(lambda: self.stage.show_reach(None))
+
+    def _reach(self) -> Callable[[], Callable[[], None]]:
+        from linkwork.viewer.reach import reach_of
+
+        robot, state, base = self.session.robot, self.session.state, self.session.base()
+
+        def look() -> Callable[[], None]:
+            found = reach_of(robot, state, self.session.parts.size)
+
+            def show() -> None:
+                self.stage.show_reach(found, base)
+                told = "the tool reaches farther than is shown" if found.cut else ""
+                self.session.notice = told
+
+            return show
+
+        return look
+
     def show_branch(self, index: int) -> None:
         """Show one of the configurations that were found last."""
         self.post(

@@ -22,11 +22,12 @@ AROUND = np.array(
 @dataclass(frozen=True, eq=False)
 class Surface:
     """Hold faces (f, 4, 3) of points, counter-clockwise seen from outside where all axes increase,
-    and the grid's point (f, 3 indices) within at each.
+    and the grid's points (f, 3 indices) within and beyond at each; beyond may lie off the grid.
     """
 
     faces: np.ndarray
     points: np.ndarray
+    beyond: np.ndarray
 
 
 def surface(inside: np.ndarray, axes: Sequence[np.ndarray]) -> Surface:
@@ -36,7 +37,7 @@ def surface(inside: np.ndarray, axes: Sequence[np.ndarray]) -> Surface:
     padded = [np.pad(np.asarray(axis, float), 1, mode="edge") for axis in axes]
     total = np.zeros((*(size - 1 for size in filled.shape), 3))
     count = np.zeros(total.shape[:3])
-    corners, points = [], []
+    corners, points, beyond = [], [], []
     for k in range(3):
         # Edges along one axis that lead out of the set or into it, and where.
         start = np.argwhere(np.diff(filled, axis=k))
@@ -54,7 +55,10 @@ def surface(inside: np.ndarray, axes: Sequence[np.ndarray]) -> Surface:
         np.add.at(count, tuple(np.moveaxis(cubes, -1, 0)), 1)
         corners.append(np.where(leaving[:, None, None], cubes, cubes[:, ::-1]))
         points.append(np.where(leaving[:, None], start, start + step) - 1)
+        beyond.append(np.where(leaving[:, None], start + step, start) - 1)
     vertices = total / np.maximum(count, 1)[..., None]
     return Surface(
-        vertices[tuple(np.moveaxis(np.concatenate(corners), -1, 0))], np.concatenate(points)
+        vertices[tuple(np.moveaxis(np.concatenate(corners), -1, 0))],
+        np.concatenate(points),
+        np.concatenate(beyond),
     )
