@@ -19,6 +19,7 @@ from benchmarks import (
     catalogue,
     control,
     ensemble,
+    export,
     growth,
     kernel,
     ladder,
@@ -50,6 +51,7 @@ PAGES: Mapping[str, Sections] = {
         "growth": lambda _: growth.run(),
         "linkages": lambda _: linkages.run(),
         "catalogue": lambda _: catalogue.run(),
+        "export": lambda _: export.run(),
     },
     "simulation": {
         "single": lambda _: single.run(),

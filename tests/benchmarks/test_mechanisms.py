@@ -10,7 +10,7 @@ import pytest
 import linkwork as lw
 from linkwork.robots import stewart as stewart_platform
 
-from benchmarks import catalogue, ladder, table, timing
+from benchmarks import catalogue, export, ladder, table, timing
 from benchmarks.machine import describe
 
 engines_needed = "the engines are not installed"
@@ -71,6 +71,13 @@ def test_trees_are_compiled_and_timed_beside_pinocchio():
     assert [row[0] for row in section.listing.rows][:2] == ["chain of 3", "chain of 14"]
     assert all(tree["ours"] > 0 and tree["operations"] > 500 for name, tree in section.raw.items()
                if name != "ladder")  # fmt: skip
+    json.dumps(section.raw)
+
+
+def test_exported_c_is_measured_beside_the_kernel():
+    section = export.run(names=("pendulum", "four_bar"), states=50, rounds=1)
+    assert [row[0] for row in section.listing.rows] == ["pendulum", "four_bar"]
+    assert all(each["ulp"] <= 4 and each["c"] > 0 for each in section.raw.values())
     json.dumps(section.raw)
 
 
