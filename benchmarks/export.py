@@ -27,9 +27,9 @@ METHOD = """
     `motion` of every robot, exported to C and compiled by gcc -O3 -march=native, beside the kernel
     for one state: the same native loop calls either for 200 states in turn. Error: the largest
     difference over the largest entry of dv or dq, in units of 2^-52, at 10,000 states around home,
-    also near singular ones (pivots from 1e-4 on); "own roundings": the same of C that is compiled without
-    -march=native, where products and sums are rounded apart. Cortex-M7: text of `motion` alone,
-    with its sines, by arm-none-eabi-gcc -Os.
+    also near singular ones (pivots from 1e-4 on); "own roundings": the same of C that is compiled
+    without -march=native, where products and sums are rounded apart. Cortex-M7: text of `motion`
+    alone, with its sines, by arm-none-eabi-gcc -Os.
     """
 DRIVER = """
 #include "{name}.h"
