@@ -10,7 +10,7 @@ import pytest
 
 from linkwork import LinkworkError, SingularError, analysis
 
-from tests.analysis.legs import ankle, crank_angle, knee
+from tests.analysis.legs import ankle, crank_angle, floating_knee, knee
 from tests.catalogue import built
 from tests.processes import PATIENCE
 
@@ -263,6 +263,40 @@ def test_the_exported_c_gives_the_same_numbers(tmp_path):
     for _ in range(5):
         q, gap = call("closure_step", q, sizes=(len(q), 1))
     assert gap < 1e-13
+
+
+def test_a_leg_under_a_free_base_is_that_of_a_fixed_one():
+    """Maps, limits and gains do not ask where the base is; exported functions say the same."""
+    free, fixed = (
+        analysis.actuation(robot, ["knee"], ["motor"]) for robot in (floating_knee(), knee())
+    )
+    angle = [-0.42]
+    here, there = free.at(angle), fixed.at(angle)
+    assert free.jacobian(here) == pytest.approx(fixed.jacobian(there), rel=1e-10)
+    assert free.jacobian_rate(here, [0.7]) == pytest.approx(
+        fixed.jacobian_rate(there, [0.7]), rel=1e-10
+    )
+    for limits in ("speed_limits", "torque_limits"):
+        ours, theirs = getattr(free, limits)(here, 3.0), getattr(fixed, limits)(there, 3.0)
+        assert ours.alone == pytest.approx(theirs.alone, rel=1e-10)
+        assert ours.most == pytest.approx(theirs.most, rel=1e-10)
+    gains = [
+        leg.joint_gains(s, 50.0, 2.0, torques=[4.0]) for leg, s in ((free, here), (fixed, there))
+    ]
+    assert gains[0].kp == pytest.approx(gains[1].kp, rel=1e-9)
+    assert gains[0].kd == pytest.approx(gains[1].kd, rel=1e-10)
+    exported = {function.name(): function for function in free.functions()}
+    moving = here.with_rates(np.linspace(-1, 1, len(here.independent)))
+    v = free.compiled.rates(moving)
+    for name, wanted in (
+        ("jacobian", free.jacobian(here)),
+        ("motor_inertia", free.inertia(here, "motors")),
+        ("joint_bias", free.bias(moving)),
+        ("motor_bias", free.bias(moving, "motors")),
+    ):
+        given = [v] if name.endswith("bias") else []
+        found = np.array(exported[name].call([here.q, *given, []])[0]).ravel()
+        assert found == pytest.approx(np.ravel(wanted), rel=1e-11)
 
 
 @pytest.mark.parametrize(

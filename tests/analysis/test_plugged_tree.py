@@ -7,7 +7,6 @@ import shutil
 import sys
 from copy import copy
 from functools import cache
-from importlib import util
 
 import numpy as np
 import pytest
@@ -216,7 +215,6 @@ def test_refusals(tmp_path, monkeypatch):
     monkeypatch.setenv("CC", "no_such_compiler")
     with pytest.raises(LinkworkError, match="there is no C compiler"):
         tree.build_plugin(tmp_path / "leg.so")
-    monkeypatch.setattr(util, "find_spec", lambda *_: None)
     monkeypatch.setattr("linkwork.analysis.mujoco_plugin.find_spec", lambda *_: None)
     with pytest.raises(LinkworkError, match="needs MuJoCo's headers"):
         tree.build_plugin(tmp_path / "leg.so")
@@ -234,3 +232,10 @@ def test_what_the_compiler_says_is_told(tmp_path):
         compiled("int x = ;", tmp_path / "leg.so")
     with pytest.raises(LinkworkError, match="which is no folder"):
         compiled("int x;", tmp_path / "gone" / "leg.so")
+
+
+@needs_compiler
+def test_a_library_is_told_by_its_whole_path(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    _, tree = leg_of("knee")
+    assert tree.build_plugin("leg.so") == tmp_path.resolve() / "leg.so"

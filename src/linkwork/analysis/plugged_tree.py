@@ -104,13 +104,13 @@ class PluggedTree:
         return target
 
     def build_plugin(self, path: str | Path) -> Path:
-        """Compile the plug-in to a library that `mujoco.mj_loadPluginLibrary` takes, for the MuJoCo
-        that is installed.
+        """Compile the plug-in to a library for the MuJoCo that is installed; return its whole path,
+        which `mujoco.mj_loadPluginLibrary` takes.
 
         Raises:
             LinkworkError: no C compiler (cc, or the one that CC names), no MuJoCo.
         """
-        return built(source(self.map), checks.file_path(path, "the path"))
+        return built(source(self.map), checks.file_path(path, "the path").resolve())
 
     def _add_motors(self, root: ET.Element, notes: Notes) -> None:
         """Add the motors, as tendons that are those of the loops at rest in the model's home."""
