@@ -21,18 +21,21 @@ from linkwork.checks import known
 from linkwork.equations import Equations, body_motion
 from linkwork.equations.algebra import SX, matrix_quaternion, vector
 from linkwork.equations.effects import rotation_vector
+from linkwork.equations.task import task_map
 from linkwork.equations.tree import near_offset, offset
 from linkwork.errors import LinkworkError
-from linkwork.mechanism import Mechanism
+from linkwork.mechanism import Mechanism, Tool
 from linkwork.mechanism.limits import meetings
 from linkwork.mechanism.sticking import Strain, strains
+from linkwork.mechanism.task import labels
 
 
 class Quantity(NamedTuple):
     """Name a measurable quantity: its kind, and which one of them.
 
     kinds: "position", "rate" of a joint (1); "tool_pose", "tool_velocity" (3 or 6); "body": p, R
-    row by row, omega, v (18); "gap" of what may meet, "actuation_determinant": det S (1)
+    row by row, omega, v (18); "gap" of what may meet, "actuation_determinant": det S (1); "task",
+    "task_rates" (k), "task_jacobian" column by column (k na) of the task that the tool states
     """
 
     kind: str
@@ -45,7 +48,7 @@ class Names:
     states and transmissions.
 
     pose: number of components of the tool's pose, 0 without a tool; meetings: what may meet;
-        strains: of bristles
+        strains: of bristles; task: coordinates of the task that the tool states
     """
 
     coordinates: tuple[str, ...]
@@ -57,6 +60,7 @@ class Names:
     meetings: tuple[str, ...] = ()
     transmissions: tuple[str, ...] = ()
     strains: tuple[Strain, ...] = ()
+    task: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, mechanism: Mechanism, planar: bool, extras: tuple[str, ...] = ()) -> Names:
@@ -72,6 +76,7 @@ class Names:
             meetings(mechanism),
             tuple(mechanism.transmissions),
             tuple(strains(mechanism)),
+            labels((mechanism.first_tool.task if mechanism.tools else None) or ()),
         )
 
     @property
@@ -81,9 +86,10 @@ class Names:
 
     def size(self, quantity: Quantity) -> int:
         """Return how many numbers a quantity has."""
-        return {"position": 1, "rate": 1, "gap": 1, "actuation_determinant": 1, "body": 18}.get(
-            quantity.kind, self.pose
-        )
+        led = len(self.task)
+        sizes = {"position": 1, "rate": 1, "gap": 1, "actuation_determinant": 1, "body": 18}
+        sizes |= {"task": led, "task_rates": led, "task_jacobian": led * len(self.actuators)}
+        return sizes.get(quantity.kind, self.pose)
 
 
 @dataclass(frozen=True)
@@ -167,6 +173,30 @@ class Observation:
         self._require_tool()
         return self.source.quantity(Quantity("tool_velocity"))
 
+    @cached_property
+    def task(self) -> np.ndarray:
+        """Coordinates x (k) of the task that the tool states, in its order [m, rad]."""
+        self._require_task()
+        return self.source.quantity(Quantity("task"))
+
+    @cached_property
+    def task_rates(self) -> np.ndarray:
+        """Rates x' (k) of the task's coordinates [m/s, rad/s]; of a whole rotation vector the
+        angular velocity."""
+        self._require_task()
+        return self.source.quantity(Quantity("task_rates"))
+
+    @cached_property
+    def task_jacobian(self) -> np.ndarray:
+        """J (k x actuators) of x' = J q_a': forces f along the task are made by u = J' f.
+
+        Only robots with as many actuators as freedoms have it; where the pose is actuator-singular
+        it is infinite.
+        """
+        self._require_task()
+        flat = self.source.quantity(Quantity("task_jacobian"))
+        return flat.reshape(len(self.names.actuators), len(self.names.task)).T
+
     @property
     def actuation_determinant(self) -> Any:
         """The determinant of S, which gives the actuated rates S v: zero where they do not
@@ -197,6 +227,14 @@ class Observation:
     def _require_tool(self) -> None:
         if not self.names.pose:
             raise LinkworkError("the mechanism names no tool; add one under 'tools'")
+
+    def _require_task(self) -> None:
+        self._require_tool()
+        if not self.names.task:
+            raise LinkworkError(
+                "the tool states no task; state one in its description, such as task=['z', 'rx', "
+                "'ry'], or read tool_pose and tool_velocity"
+            )
 
 
 def numbers(
@@ -248,8 +286,10 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
                     "have no actuator-singular poses"
                 )
             return ca.det(equations.actuation)
-    # The tool's pose or velocity.
+    # The tool's task, its pose or velocity.
     tool = mechanism.first_tool
+    if quantity.kind.startswith("task"):
+        return task_expression(equations, tool, quantity.kind)
     planar = body_motion.is_planar(tree)
     if quantity.kind == "tool_pose":
         p, R, angle = body_motion.tool_pose(tree, tool)
@@ -259,3 +299,25 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
     J = body_motion.jacobian(tree, node, near_offset(node, vector(tool.frame.position)))
     twist = ca.mtimes(J, equations.rates)
     return twist[body_motion.pose_places(planar)]
+
+
+def task_expression(equations: Equations, tool: Tool, kind: str) -> ca.SX:
+    """Return x, x' or J (column by column) of the task that a tool states, as functions of q and
+    v."""
+    J, _ = body_motion.tool_twist(equations.tree, tool, SX.zeros(equations.nv))
+    pose = ca.vertcat(*body_motion.tool_pose(equations.tree, tool))
+    x, E, _ = task_map(tuple(tool.task or ())).call([pose, SX.zeros(6)], True, False)
+    if kind == "task":
+        return x
+    rows = ca.mtimes(ca.sparsify(E), J)
+    if kind == "task_rates":
+        return ca.mtimes(rows, equations.rates)
+    # x' = rows L v and q_a' = S v.
+    S = equations.actuation
+    if S.shape[0] != S.shape[1]:
+        raise LinkworkError(
+            f"{S.shape[0]} actuators and {S.shape[1]} freedoms: the actuated rates do not "
+            "determine the tool's; read task_rates"
+        )
+    L, *_ = equations.elimination
+    return ca.vec(ca.densify(ca.solve(S.T, ca.mtimes(rows, L).T).T))

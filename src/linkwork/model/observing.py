@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from linkwork.model.model import Model
 
 JOINTS = ("position", "rate")
+OF_CHARTS = ("actuation_determinant", "task_jacobian")  # kinds that read a chart's own rates
 
 
 def observation(
@@ -55,7 +56,7 @@ def observation(
         if key.name in labels.get(key.kind, ()):
             place = labels[key.kind].index(key.name)
             return joints()[key.kind][place : place + 1]
-        own, rates = (chart, v) if key.kind == "actuation_determinant" else rated()
+        own, rates = (chart, v) if key.kind in OF_CHARTS else rated()
         kernel = own.compiled(
             f"observation of {key}", lambda equations: quantity_function(equations, key)
         )
