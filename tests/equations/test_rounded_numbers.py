@@ -9,6 +9,7 @@ import pytest
 import linkwork as lw
 from linkwork import robots
 from linkwork.equations import derive
+from linkwork.errors import ModelWarning
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, RevoluteJoint
 
 from tests.hostile.changes import rounded, scaled, spatial
@@ -91,6 +92,15 @@ def test_a_note_names_the_rows_that_rounding_leaves_open_and_the_gap_is_told(nam
     true = gap(decimal.mechanism, decimal.home.positions)
     assert 1e-8 < told < 1e-6
     assert 0.1 * true < told < 10 * true
+    with pytest.warns(ModelWarning, match="redundant rows stay open"):
+        lw.Robot(decimal.mechanism)
+
+
+def test_loops_that_close_to_rounding_warn_of_nothing(recwarn):
+    exact, _ = pair(next(iter(EXACT)))
+    assert not exact.equations.caveats and exact.equations.rows.unheld is None
+    lw.Robot(exact.mechanism)
+    assert not [each for each in recwarn if issubclass(each.category, ModelWarning)]
 
 
 ROUGH = {

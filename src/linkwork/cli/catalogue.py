@@ -29,7 +29,7 @@ def find(source: Source) -> Mechanism:
 def built(source: Source) -> Robot:
     """Return the robot that is meant; print what was decided about its reference."""
     robot = Robot(find(source))
-    tell(robot.notes)
+    tell(note for note in robot.notes if note not in robot.equations.caveats)
     return robot
 
 

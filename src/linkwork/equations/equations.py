@@ -162,6 +162,12 @@ class Equations:
         """Symbols of the free parameters (np), in the order of `parameters`."""
         return self.tree.p
 
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """The notes by which loops stay open beyond rounding: that on rows which are not held, the
+        last one."""
+        return self.notes[-1:] if self.rows.unheld else ()
+
     @cached_property
     def nq(self) -> int:
         """Number of the tree's coordinates."""

@@ -3,6 +3,7 @@ doors."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
@@ -14,7 +15,7 @@ import numpy as np
 
 from linkwork.control.observation import Names
 from linkwork.equations import Equations, body_motion, functions, mobility
-from linkwork.errors import LinkworkError
+from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.formats.named import mechanism_of
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
@@ -51,6 +52,8 @@ class Model:
         wanted = checks.names(independent, "independent")
         self.asked = mechanism, wanted, tuple(free)
         self.equations: Equations = derived(*self.asked)
+        for caveat in self.equations.caveats:
+            warnings.warn(caveat, ModelWarning, stacklevel=2)
         self.parameters: dict[str, float] = dict(self.equations.parameters)
         self.p = np.array(list(self.parameters.values()))
         self.chart = CompiledChart(self.equations, self.p)

@@ -70,7 +70,8 @@ class Robot(Dynamics, Portrayed):
         MechanismError: a description that cannot be assembled or has no motion, in one sentence.
 
     Warns:
-        ModelWarning: what makes the robot move otherwise than its file says.
+        ModelWarning: what makes the robot move otherwise than its file says; loops that rounded
+            numbers of the description leave open.
     """
 
     @classmethod
