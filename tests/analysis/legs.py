@@ -131,13 +131,17 @@ def knee() -> lw.Robot:
 
 @cache
 def spinning_ankle() -> lw.Robot:
-    """Return the ankle with balls at both ends of its rods, which turn about themselves."""
+    """Return the ankle with balls at both ends of its rods, which turn about themselves and are
+    thick, so that this is felt."""
     mechanism = ankle().mechanism
     joints: dict = dict(mechanism.joints)
+    bodies = dict(mechanism.bodies)
     for side in ("left", "right"):
+        rod = bodies[f"rod_{side}"]
+        bodies[f"rod_{side}"] = rod.model_copy(update={"inertia": moments(1e-3, 1e-3, 8e-4)})
         upper = joints[f"upper_{side}"]
         joints[f"upper_{side}"] = lw.SphericalJoint(connects=upper.connects, frames=upper.frames)
-    return lw.Robot(mechanism.model_copy(update={"joints": joints}))
+    return lw.Robot(mechanism.model_copy(update={"bodies": bodies, "joints": joints}))
 
 
 @cache
