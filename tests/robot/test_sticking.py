@@ -253,8 +253,37 @@ def test_friction_that_is_none(made, said):
         made()
 
 
-def test_reactions_do_not_know_bristles():
+def test_reactions_of_a_slide_that_sticks():
+    """Newton: a rail's whole force along itself is m x'', and at rest what the bristle holds."""
     robot = slide(k, coulomb=F, bristle=hard(1e4))
-    run = robot.simulate(robot.state([0.1]), duration=0.05)
-    with pytest.raises(lw.LinkworkError, match="reactions are not known of a run with bristles"):
-        run.reactions()
+    run = ran(robot, robot.state([0.33]), duration=3.0, save_at=np.linspace(0, 3, 31))
+    found, accelerations = run.reactions(frame="second").values[:, 0], run.dataset
+    close(found[:, 3], MASS * accelerations["joint_acceleration"].values[:, 0], 1e-9)
+    close(found[-1, [0, 1, 2, 4, 5]], [0, 0, 0, 0, MASS * 9.81], 1e-9)
+    held = run.dataset["drive_state"].values[-1, 0]
+    close(held, -k * run.dataset["joint_position"].values[-1, 0], 1e-9)
+    assert 0.1 < abs(held) < F and abs(found[-1, 3]) < 1e-9
+
+
+def test_reactions_beside_a_contact_that_sticks():
+    """A ball on a rail over a floor: the rail bears what the floor does not, and nothing along
+    itself."""
+    rail = lw.PrismaticJoint(connects=("ground", "ball"), axis=(1, 0, 0))
+    floor = lw.Contact(
+        connects=("ground", "ball"),
+        surfaces=(lw.Plane(), lw.Sphere(radius=0.1, frame=lw.Frame(position=(0, 0, 0.0995)))),
+        stiffness=1e5,
+        exponent=1.0,
+        friction=lw.Sliding(coefficient=0.4, bristle=lw.Bristle(stiffness=1e4, damping=20.0)),
+    )
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"ball": BALL}, joints={"x": rail}, contacts={"floor": floor}, gravity=(0, 0, -g)
+        )
+    )
+    start = robot.home.with_rates([0.3])
+    run = robot.simulate(start, duration=0.2, save_at=np.linspace(0, 0.2, 11), **TIGHT)
+    found = run.reactions().values[:, 0]
+    close(found[:, 3], np.zeros(11), 1e-9)
+    close(found[:, 5], np.full(11, m * g - 1e5 * 0.0005), 1e-9)
+    assert abs(run.dataset["joint_rate"].values[-1, 0]) < 1e-6

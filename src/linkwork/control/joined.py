@@ -9,7 +9,7 @@ u, w_i and z' are those of `Acting`, at the quantities of this chart. The integr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -38,9 +38,7 @@ class Joined:
     @classmethod
     def of(cls, equations: Equations, acting: Acting) -> Joined:
         """Join equations in one chart with what acts; the states of bristles become symbols."""
-        names = {strain.of: len(strain.names) for strain in acting.names.strains}
-        strains = {of: ca.SX.sym(of, size) for of, size in names.items()}
-        return cls(replace(equations, strains=strains) if strains else equations, acting)
+        return cls(equations.strained, acting)
 
     @cached_property
     def inputs(self) -> dict[str, ca.SX]:

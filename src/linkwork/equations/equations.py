@@ -33,6 +33,7 @@ from linkwork.equations.topology import Topology
 from linkwork.equations.tree import Tree
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.limits import meeting_name
+from linkwork.mechanism.sticking import strains
 
 # Smallest singular value, over that at the reference, from which a configuration is not near a
 # singular one (`Equations.regularity`); and of one.
@@ -217,6 +218,12 @@ class Equations:
         """Tell where rank is lost (...), or all but lost: there branches of motion meet, or it
         ends."""
         return smallest_singular(self.scaled(Phi), len(self.chart.rows)) <= LOST * self.smallest
+
+    @property
+    def strained(self) -> Equations:
+        """The same equations, with symbols for the forces of bristles where there are any."""
+        own = {each.of: SX.sym(each.of, len(each.names)) for each in strains(self.mechanism)}
+        return replace(self, strains=own) if own else self
 
     def in_chart(self, chart: Chart) -> Equations:
         """Return the same equations in another chart."""

@@ -35,8 +35,8 @@ from linkwork.mechanism import PairJoint
 
 
 def joint_loads(equations: Equations) -> ca.Function:
-    """Return (q, v, v', u) -> what the joints have to bring, where they are, and the weakest
-    relative pivot, under forces u of the actuators.
+    """Return (q, v, v', u, s) -> what the joints have to bring, where they are, and the weakest
+    relative pivot, under forces u of the actuators and s of bristles, if the equations have any.
 
     Outputs, in the ground's axes: `needed` [moment about the mass centre; force] of every body
     (6r), `centres` (3r); of every joint that connects two bodies the `origins` of F1 and F2 (6J);
@@ -59,7 +59,13 @@ def joint_loads(equations: Equations) -> ca.Function:
         "f": known_forces(equations, accelerations, u, tensions),
         "pivot": pivot,
     }
-    return function("joint_loads", equations, outputs, v=equations.v, dv=dv, u=u)
+    s = ca.vertcat(SX(0, 1), *equations.strains.values())
+    return function("joint_loads", equations, outputs, v=equations.v, dv=dv, u=u, s=s)
+
+
+def strained_loads(equations: Equations) -> ca.Function:
+    """Return `joint_loads` with the forces of bristles."""
+    return joint_loads(equations.strained)
 
 
 def line_tensions(equations: Equations, accelerations: ca.SX, u: ca.SX) -> dict[str, ca.SX]:
@@ -157,7 +163,7 @@ def known_forces(
     joints, in the mechanism's order."""
     mechanism, labels, w = equations.mechanism, equations.mechanism.rates, equations.rates
     f = SX.zeros(len(labels))
-    for freedom in effects.freedoms(equations.joints):
+    for freedom in effects.freedoms(equations.joints, strains=equations.strains):
         force = own_force(equations, freedom, w, accelerations)
         f[[labels.index(label) for label in freedom.rates]] += force
     for place, name in enumerate(mechanism.actuators):

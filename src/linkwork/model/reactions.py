@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.equations import Equations
-from linkwork.equations.reactions import joint_axes, joint_loads
+from linkwork.equations.reactions import joint_axes, joint_loads, strained_loads
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.model import checks, evaluation
@@ -76,7 +76,8 @@ class Samples:
     (K, actuators).
 
     applied: external wrenches [moment about the mass centre; force] on the bodies (K, r, 6), in the
-    ground's axes, or None
+    ground's axes, or None; strains: forces of bristles (K, ns), None where friction is that of
+    steady sliding
     """
 
     chart: CompiledChart
@@ -85,14 +86,17 @@ class Samples:
     v_dot: np.ndarray
     u: np.ndarray
     applied: np.ndarray | None = None
+    strains: np.ndarray | None = None
 
     def __getitem__(self, rows: slice) -> Samples:
         chart, p = self.chart, self.chart.p
         if p.ndim > 1 and len(p) > 1:  # of each sample its own
             chart = chart.with_parameters(p[rows])
         q, v, v_dot, u = (part[rows] for part in (self.q, self.v, self.v_dot, self.u))
-        applied = None if self.applied is None else self.applied[rows]
-        return Samples(chart, q, v, v_dot, u, applied)
+        applied, strains = (
+            None if part is None else part[rows] for part in (self.applied, self.strains)
+        )
+        return Samples(chart, q, v, v_dot, u, applied, strains)
 
 
 def reactions(
@@ -152,15 +156,16 @@ def balanced_part(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return wrenches and their constraint part (K, J, 6), multipliers of gears (K, gears), and
     which are open (J, 6)."""
-    unit = np.repeat([length, 1.0], 3)
+    unit, strains = np.repeat([length, 1.0], 3), samples.strains
     needed, centres, origins, twists, f, _ = evaluated(
         robot,
         samples.chart,
-        lambda chart: kernel(chart, joint_loads),
+        lambda chart: kernel(chart, joint_loads if strains is None else strained_loads),
         samples.q,
         samples.v,
         samples.v_dot,
         samples.u,
+        np.empty((len(samples.q), 0)) if strains is None else strains,
     )
     count, bodies, joints = len(f), len(robot.bodies), len(network.joints)
     needed, origins = needed.reshape(count, bodies, 6), origins.reshape(count, joints, 2, 3)
@@ -211,7 +216,7 @@ def spread(robot: Model) -> float:
     that is zero."""
     home = robot.home
     still = np.zeros(len(robot.actuators))
-    found = kernel(robot.chart, joint_loads)(home.q, home.rates, home.rates, still)
+    found = kernel(robot.chart, joint_loads)(home.q, home.rates, home.rates, still, ())
     origins = found[2].reshape(-1, 3)
     if not len(origins):
         return 1.0

@@ -15,7 +15,6 @@ import numpy as np
 
 from linkwork.equations import Equations
 from linkwork.equations.powers import contacts, powers
-from linkwork.errors import LinkworkError
 from linkwork.kernels.bound import BoundFunction
 from linkwork.model import dexterity, task
 from linkwork.model.charts import CompiledChart
@@ -114,6 +113,13 @@ class SavedStates:
     def z(self) -> np.ndarray:
         """Extra states of drives and controllers, then those that tell turns."""
         return self.y[:, self.chart.equations.nq + self.chart.equations.mobility :]
+
+    @property
+    def strains(self) -> np.ndarray | None:
+        """The forces of bristles (K, ns), the last ones of the extra states; None without any."""
+        count = sum(len(strain.names) for strain in self.robot.names.strains)
+        extras = len(self.system.extras)
+        return np.ascontiguousarray(self.z[:, extras - count : extras]) if count else None
 
     @cached_property
     def u(self) -> np.ndarray:
@@ -256,16 +262,12 @@ class SavedStates:
     @property
     def samples(self) -> Samples:
         """What the joint reactions follow from."""
-        if self.robot.names.strains:
-            raise LinkworkError(
-                "reactions are not known of a run with bristles, whose friction they do not tell; "
-                "leave the bristles out"
-            )
         chart = self.chart.with_parameters(self.p_robot)
         applied = np.zeros((len(self.y), len(self.robot.bodies), 6))
         for body, wrench in self.about_centres():
             applied[:, body] += wrench
-        return Samples(chart, self.q, self.v, self.v_dot, self.acted.force, applied)
+        u, strains = self.acted.force, self.strains
+        return Samples(chart, self.q, self.v, self.v_dot, u, applied, strains)
 
     @cached_property
     def reactions(self) -> np.ndarray:
