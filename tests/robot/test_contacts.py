@@ -302,7 +302,10 @@ def test_members_of_an_ensemble_bounce_as_they_do_alone():
     [
         ((lw.Plane(), lw.Plane()), "a contact of plane and plane has no place"),
         ((lw.Plane(), lw.Cylinder(radius=0.1, length=1.0)), "a cylinder has no corners"),
-        ((lw.Box(size=(1, 1, 1)), SPHERE), "box and sphere do not meet here"),
+        (
+            (lw.Polygon(points=((0, 0), (1, 0), (0, 1)), thickness=0.1), SPHERE),
+            "polygon and sphere do not meet here",
+        ),
     ],
 )
 def test_surfaces_that_do_not_meet(surfaces, said):

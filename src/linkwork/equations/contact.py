@@ -26,7 +26,8 @@ import casadi as ca
 
 from linkwork.equations.algebra import Number, cross, dot, present, zero
 from linkwork.equations.impact import Pressing
-from linkwork.equations.surfaces import TINY, Meeting, meetings
+from linkwork.equations.meeting import TINY, Meeting
+from linkwork.equations.surfaces import meetings
 from linkwork.equations.tree import Node, Tree
 from linkwork.mechanism import Mechanism, Sliding
 from linkwork.mechanism.contact import touch_names

@@ -4,6 +4,7 @@ flat and ball    of the centre c in the frame of the flat surface z = h(x, y), r
                  g = (c_z - h(c_x, c_y)) - R sqrt(1 + h_x^2 + h_y^2),  exact for a plane
 round and round  of the nearest points p_1, p_2 of two segments (a ball's is a point):
                  g = |p_2 - p_1| - R_1 - R_2
+box and others   of balls, capsules and corners: `boxes`
 
 A field's h is the bicubic spline through its heights, with the basis
 B(s) = max(2 - |s|, 0)^3 / 6 - 2 max(1 - |s|, 0)^3 / 3  of width 4, and level beyond its edges.
@@ -13,36 +14,16 @@ Nearest points: Ericson, Real-Time Collision Detection, 2005, sec. 5.1.9.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from linkwork.equations.algebra import SX, Number, Vector, dot, rotation_matrix, vector
+from linkwork.equations.boxes import on_box
+from linkwork.equations.meeting import PARALLEL, TINY, Meeting, share
 from linkwork.equations.tree import Node, Tree, offset
-from linkwork.mechanism.contact import Contact, HeightField, Plane, Surface
-
-TINY = 1e-300  # square of a distance that is not divided by zero
-PARALLEL = 1e-12  # square of the sine between segments that count as parallel
-
-
-@dataclass(frozen=True)
-class Meeting:
-    """Hold a place where two surfaces may meet, in the ground's axes: how far they are apart.
-
-    centre: where the force acts that presses, along the `gradient` of the gap for a motion of the
-        second body there; point: where they rub, and the unit `normal` there, out of the first body
-    """
-
-    gap: ca.SX
-    centre: ca.SX
-    gradient: ca.SX
-    point: ca.SX
-    normal: ca.SX
-
-    def turned(self) -> Meeting:
-        """Return the place with both bodies exchanged."""
-        return Meeting(self.gap, self.centre, -self.gradient, self.point, -self.normal)
+from linkwork.mechanism.contact import Contact, HeightField, Plane, Points, Surface
+from linkwork.mechanism.shapes import Shape
 
 
 def meetings(tree: Tree, contact: Contact) -> Iterator[Meeting]:
@@ -55,8 +36,27 @@ def meetings(tree: Tree, contact: Contact) -> Iterator[Meeting]:
     elif isinstance(second, Plane | HeightField):
         for centre, radius in balls(tree, nodes[0], first):
             yield on_flat(tree, nodes[1], second, centre, radius).turned()
+    elif first.touching.halves or second.touching.halves:
+        yield from boxed(tree, nodes, first, second)
     else:
         yield between(*(balls(tree, *of) for of in zip(nodes, contact.surfaces, strict=True)))
+
+
+def boxed(
+    tree: Tree, nodes: list[Node], first: Points | Shape, second: Points | Shape
+) -> Iterator[Meeting]:
+    """Yield the places where a box and another surface may meet: those of the second's points with
+    the first one, if that is a box, and of the first's with the second."""
+    for box, other, places, exchanged in (
+        (first, second, nodes, False),
+        (second, first, nodes[::-1], True),
+    ):
+        if box.touching.halves:
+            found = balls(tree, places[1], other)
+            whole = [found] if other.touching.round else [[ball] for ball in found]
+            for ends in whole:
+                meeting = on_box(places[0], box, [end for end, _ in ends], ends[0][1])
+                yield meeting.turned() if exchanged else meeting
 
 
 def balls(tree: Tree, node: Node, surface: Surface) -> list[tuple[ca.SX, Number]]:
@@ -162,7 +162,3 @@ def on_segment(ends: list[ca.SX], p: ca.SX) -> ca.SX:
     """Return the point of a segment that is nearest to a point."""
     d = ends[1] - ends[0]
     return ends[0] + share(dot(p - ends[0], d) / dot(d, d)) * d
-
-
-def share(s: ca.SX) -> ca.SX:
-    return ca.fmin(ca.fmax(s, 0), 1)

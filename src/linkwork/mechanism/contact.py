@@ -2,7 +2,7 @@
 
 A flat surface (a plane, a field of heights) meets the points of another one, each with the radius
 of a ball about it: a sphere, the ends of a capsule, the corners of a box. Spheres and capsules meet
-each other as well.
+each other as well, and boxes meet spheres, capsules, points and the corners of boxes.
 """
 
 from __future__ import annotations
@@ -119,11 +119,13 @@ class Contact(Impact):
     @property
     def touches(self) -> int:
         """In how many places the surfaces may meet."""
-        one, other = (
-            len(of.touching.points) if not isinstance(of, Plane | HeightField) else 0
-            for of in self.surfaces
-        )
-        return 1 if one and other else one + other
+        solids = [of.touching for of in self.surfaces if not isinstance(of, Plane | HeightField)]
+        if len(solids) == 1:
+            return len(solids[0].points)
+        if any(of.round for of in solids):
+            return 1
+        pairs = zip(solids, solids[::-1], strict=True)
+        return sum(len(of.points) for of, other in pairs if other.halves)
 
     @model_validator(mode="after")
     def _meets(self) -> Self:
@@ -140,17 +142,27 @@ class Contact(Impact):
                     "on its rim",
                     ("surfaces", str(index)),
                 )
-        if not any(flat) and not all(
-            surface.touching.round
-            for surface in self.surfaces
-            if not isinstance(surface, Plane | HeightField)
-        ):
+        boxed = any(map(_is_box, self.surfaces)) and all(
+            isinstance(of, Points) or _is_box(of) or _is_round(of) for of in self.surfaces
+        )
+        if not any(flat) and not boxed and not all(map(_is_round, self.surfaces)):
             raise MechanismError(
                 f"{kinds} do not meet here: only spheres, capsules and single points meet each "
-                "other; give one of them a plane or a field of heights, or make it of spheres",
+                "other, and boxes them, points and boxes; give one of them a plane or a field of "
+                "heights, or make it of spheres or boxes",
                 ("surfaces",),
             )
         return self
+
+
+def _is_round(surface: Surface) -> bool:
+    """Tell whether a surface is a ball, or all between two."""
+    return not isinstance(surface, Plane | HeightField) and surface.touching.round
+
+
+def _is_box(surface: Surface) -> bool:
+    """Tell whether a surface is that of a box."""
+    return not isinstance(surface, Plane | HeightField) and bool(surface.touching.halves)
 
 
 def touch_names(name: str, contact: Contact) -> tuple[str, ...]:

@@ -54,12 +54,14 @@ class Outline(NamedTuple):
 class Touching(NamedTuple):
     """Hold the points at which a solid touches a plane, with the radius of a ball about each.
 
-    round: whether the solid is that ball, or all between two of them
+    round: whether the solid is that ball, or all between two of them; halves: half its lengths
+    along x, y and z, of one with faces across these
     """
 
     points: tuple[tuple[Any, Any, Any], ...] = ()
     radius: Any = 0.0
     round: bool = False
+    halves: tuple[Any, ...] = ()
 
 
 def rounded(half: float) -> tuple[tuple[float, float], ...]:
@@ -125,7 +127,8 @@ class Box(SimpleShape):
     def touching(self) -> Touching:
         """Return the corners."""
         x, y, z = (size / 2 for size in self.size)
-        return Touching(tuple(product((-x, x), (-y, y), (-z, z))))
+        corners = tuple(product((-x, x), (-y, y), (-z, z)))
+        return Touching(corners, halves=self.half_sizes)
 
 
 class Cylinder(SimpleShape):
