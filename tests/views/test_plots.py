@@ -7,7 +7,7 @@ import pytest
 import xarray
 
 import linkwork as lw
-from linkwork.views import plot_run
+from linkwork.views import plot_phase, plot_run
 from linkwork.views.plots import WIDTH
 from linkwork.views.style import COLOURS, svg
 
@@ -152,3 +152,28 @@ def test_rounding_is_no_motion(scale):
     data["joint_rate"].values[:, 0] = 1e-9 * scale * np.sin(data["time"].values)
     (rate,) = plot_run(data, ["joint_rate"]).axes
     assert np.ptp(rate.get_ylim()) == pytest.approx(1.1e-9 * scale, rel=0.1)
+
+
+def test_legends_name_the_lines_by_their_looks_and_no_two_look_alike():
+    """A platform on six legs has 33 rates of turns: more than there are colours."""
+    hexapod = built("stewart")
+    run = hexapod.simulate(hexapod.home, duration=0.02, save_at=np.linspace(0, 0.02, 5))
+    for axes in plot_run(run, ["joint_position", "joint_rate"]).axes:
+        lines, named = axes.lines, axes.get_legend().legend_handles
+        looks = [look_of(line) for line in lines]
+        assert looks == [look_of(handle) for handle in named]
+        assert len(set(looks)) == len(lines)
+        texts = [text.get_text() for text in axes.get_legend().texts]
+        assert texts == [line.get_label() for line in lines]
+
+
+def look_of(line) -> tuple:
+    return line.get_color(), str(line._unscaled_dash_pattern), line.get_marker()
+
+
+def test_runs_of_a_phase_portrait_are_named():
+    arm = built("pendulum")
+    runs = [arm.simulate(arm.home, duration=d) for d in (0.1, 0.2)]
+    (legend,) = plot_phase(runs).legends
+    assert [text.get_text() for text in legend.texts] == ["run 1", "run 2"]
+    assert not plot_phase(runs[0]).legends

@@ -207,8 +207,11 @@ def write(store: Store, found: Summary, folder: Path) -> list[Path]:
 def figure(store: Store, found: Summary) -> Figure:
     """Draw each output over each number that varies, and its distribution; a colour for each
     controller."""
+    from matplotlib.patches import Patch
+
     from linkwork.views.style import COLOURS, new_figure, styled
 
+    handles: dict[str, Patch] = {}
     varied = store.bench.study.varied[: PANELS[1]]
     outputs = columns(store)[len(store.bench.study.varied) :][: PANELS[0]]
     units = {row.output: row.unit for row in found.rows}
@@ -226,14 +229,15 @@ def figure(store: Store, found: Summary) -> Figure:
                         found.points[across][own], values, ".", markersize=2.5, alpha=0.6, **look
                     )
                 if values.size:
-                    axes_row[-1].hist(
-                        values, bins=min(30, 5 + values.size // 20), alpha=0.6, **look
-                    )
+                    bins = min(30, 5 + values.size // 20)
+                    axes_row[-1].hist(values, bins=bins, alpha=0.6, **look)
+                if len(controllers) > 1:
+                    handles[name] = Patch(alpha=0.6, **look)
             axes_row[0].set_ylabel(f"{output}\n[{units.get(output, '')}]")
             axes_row[-1].set_xlabel(output)
             for axes, across in zip(axes_row, varied, strict=False):
                 axes.set_xlabel(across)
         grid[0][-1].set_title("members")
         if len(controllers) > 1:
-            grid[0][-1].legend()
+            grid[0][-1].legend(handles=[*handles.values()])
     return drawing

@@ -27,6 +27,7 @@ from linkwork.views.style import COLOURS
 STEPS = 1000  # of a slider
 UNTOUCHED = 0.5  # how long after a touch a control is left to the hand that holds it [s]
 NONE = "none"
+PIXELS = ((), (8, 3))  # dashes of curves, those of the second round of colours [pixels]
 GO_ON, END = "Go on live, and pull", "End, and play it"
 LAY_OVER, TAKE_AWAY = "Lay this run over the next", "Take away what is laid over"
 ANGLE, HALF_TURN = "the tool's angle", 3.142  # the slider's ends [rad]
@@ -201,6 +202,7 @@ class Panels:
             uplot.Series(
                 label=label,
                 stroke=COLOURS[k % len(COLOURS)],
+                dash=PIXELS[k // len(COLOURS)],
                 width=2,
                 points=uplot.Series_Points(show=False),
             )

@@ -15,6 +15,7 @@ from linkwork.views.style import look, new_figure, styled
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+NAMED = 6  # runs in a row of the legend
 COLUMNS, SIDE = 3, 3.3  # panels in a row, and their width [in]
 
 
@@ -52,13 +53,16 @@ def plot_phase(runs: Run | Sequence[Run], coordinates: str | Sequence[str] | Non
             symbol = unit(given[0], name)
             axes.set(title=name, xlabel=f"position [{symbol}]", ylabel=f"rate [{symbol}/s]")
         for index, of_run in enumerate(curves):
-            colour = look(index)
+            colour, name = look(index), f"run {index + 1}"
             for axes, (points, _) in zip(grid.flat, of_run, strict=False):
-                axes.plot(*points, **colour)
+                axes.plot(*points, label=name, **colour)
                 axes.plot(*points[:, :1], "o", mfc="white", mec=colour["color"], ms=5.5, zorder=3)
                 axes.plot(*points[:, -1:], "o", color=colour["color"], ms=5.5, zorder=3)
         for axes in list(grid.flat)[len(wanted) :]:
             axes.set_visible(False)
+        if len(given) > 1:
+            told = grid.flat[0].get_legend_handles_labels()
+            figure.legend(*told, loc="outside lower center", ncols=min(len(given), NAMED))
     return figure
 
 

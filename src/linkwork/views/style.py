@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = (BLUE, VERMILION, GREEN, PINK, ORANGE, SKY, INK)  # of curves, the darker ones first
-DASHES = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.6, 1.2, 1.6)))
+DASHES = (
+    *("-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (6, 1.6, 1.2, 1.6))),
+    *((0, (9, 3)), (0, (1.2, 3.6)), (0, (6, 1.6, 1.2, 1.6, 1.2, 1.6)), (0, (2.6, 2.6))),
+)
 
 STYLE: dict[Any, Any] = {
     "axes.axisbelow": True,
@@ -115,7 +118,7 @@ def save_figure(drawn: Figure | Axes, path: str | Path) -> Path:
 
 
 def look(index: int) -> dict:
-    """Return the colour and dashes of the curve of a number; they repeat after 28 curves."""
+    """Return the colour and dashes of the curve of a number; they repeat after 56 curves."""
     return {
         "color": COLOURS[index % len(COLOURS)],
         "linestyle": DASHES[index // len(COLOURS) % len(DASHES)],
