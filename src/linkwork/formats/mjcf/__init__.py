@@ -1,7 +1,8 @@
 """MJCF, the model format of MuJoCo, read and written.
 
 read     document -> tree, geoms -> joints -> loops -> reader;  survey says what is left out
-write    plan (how MJCF holds a mechanism) -> writer
+write    plan (how MJCF holds a mechanism) -> writer: bodies, ties, lines, fluid on one sheet;
+         differences says what MuJoCo takes otherwise
 """
 
 from linkwork.formats.mjcf.reader import read_mjcf as read

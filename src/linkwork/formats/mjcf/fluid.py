@@ -114,9 +114,14 @@ def _box(document: Document, node: ModelBody, notes: Notes) -> BoxDrag:
     """Return the box that has a body's inertia, along its principal axes."""
     R = _principal(document, node, notes)
     moments = np.diag(R.T @ node.solid.inertia @ R)
-    sides = np.sqrt(6 * np.maximum(moments.sum() - 2 * moments, FLAT) / node.solid.mass)
+    sides = sides_of(moments, node.solid.mass)
     frame = poses.frame_of(poses.pose(node.solid.centre, R))
     return BoxDrag(body=node.name, frame=frame, size=poses.triple(sides))
+
+
+def sides_of(moments: np.ndarray, mass: float) -> np.ndarray:
+    """Return the edges of the box of some principal moments and mass."""
+    return np.sqrt(6 * np.maximum(moments.sum() - 2 * moments, FLAT) / mass)
 
 
 def _principal(document: Document, node: ModelBody, notes: Notes) -> np.ndarray:

@@ -8,6 +8,7 @@ opens a model: in one of the groups 0 to 2, not transparent.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,12 +20,15 @@ from linkwork.formats.mjcf.meshes import Meshes
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import Box, Capsule, Cylinder, Ellipsoid, MeshFile, Shape, Sphere
+from linkwork.solids.mesh_files import read_mesh
 from linkwork.solids.solid import Solid
 from linkwork.solids.uniform import principal, shell, surface, volume
 
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
 SHAPES = ("box", "cylinder", "sphere", "capsule", "ellipsoid", "mesh")
 NEAR = 1e-12  # turns and scales that are none
+MESHES = (".stl", ".obj", ".msh")  # files that MuJoCo reads
+FEWEST, MOST = 4, 200_000  # vertices at least and triangles at most of a mesh in MuJoCo
 TERRAIN = ("plane", "hfield")
 DENSITY = 1000.0  # of geoms that say nothing [kg/m^3]
 HIDDEN = 3  # first group of geoms that MuJoCo does not show
@@ -151,6 +155,18 @@ def mesh_shown(
 def size_of(shape: Shape) -> tuple[float, ...] | None:
     """Return the size of a shape as a geom; None for one that is none, such as a polygon."""
     return getattr(shape, "half_sizes", ()) or None
+
+
+def mesh_file(shape: Shape) -> tuple[Path, tuple[float, ...]] | None:
+    """Return path and scale of a file that MuJoCo reads; None for other shapes and files."""
+    if not isinstance(shape, MeshFile) or Path(shape.file).suffix.lower() not in MESHES:
+        return None
+    try:
+        triangles = read_mesh(Path(shape.file), first_group=True)
+    except LinkworkError:
+        return None
+    fits = len(triangles.vertices) >= FEWEST and 0 < len(triangles.faces) <= MOST
+    return (Path(shape.file), shape.scale) if fits else None
 
 
 def is_shown(element: Element) -> bool:

@@ -1,0 +1,80 @@
+"""Notes on what MuJoCo makes of a file otherwise than the mechanism that it was written from."""
+
+from __future__ import annotations
+
+from linkwork.formats.mjcf.sheet import Sheet
+from linkwork.mechanism import Limits, LoadedLength
+
+
+def tell_differences(sheet: Sheet) -> None:
+    """Note what MuJoCo takes otherwise than the mechanism."""
+    # What MuJoCo's constraints are: soft, and without gamma for held tendons.
+    say, effects = sheet.notes.say, [move.effects for move in sheet.moves.values()]
+    kinds = {tie.kind for tie in sheet.plan.ties}
+    if kinds or sheet.mechanism.gears:
+        say(
+            "MuJoCo's loops are soft: accelerations differ by about 1e-4 of what the "
+            "constraint forces do, and gaps open"
+        )
+    if "rod" in kinds:
+        say(
+            "rods are exact at rest only: MuJoCo leaves out what the rates add to the "
+            "second derivative of a held tendon"
+        )
+    # What it makes of friction and limits.
+    if any(own.friction.coulomb for own in effects):
+        say(
+            "Coulomb friction is written as frictionloss, which holds still at rest instead "
+            "of being smooth about rate zero"
+        )
+    if any(own.limits != Limits() for own in effects):
+        say("limits are stops in MuJoCo; here passing them is only reported")
+    if any(own.friction.static or own.friction.bristle for own in effects):
+        say("static friction and bristles are left out: MuJoCo has frictionloss alone")
+    if sheet.mechanism.contacts:
+        say("contacts are left out: MuJoCo's follow another law, by solref and solimp")
+    lines = sheet.mechanism.transmissions.values()
+    stopped = [*effects, *(line for line in lines if isinstance(line, LoadedLength))]
+    if any(own.stop for own in stopped):
+        say("stops are left out: MuJoCo's limits follow another law, by solreflimit")
+    # What is closed, measured or joined otherwise.
+    if "weld" in kinds:
+        parts = ", ".join(tie.name for tie in sheet.plan.ties if tie.kind == "weld")
+        say(
+            f"{parts}: closes a loop by a joint that MuJoCo has in trees only; it leads to a "
+            "part of its body, welded to it"
+        )
+    balls = {
+        move.name.removesuffix(".turn") for move in sheet.moves.values() if move.kind == "ball"
+    }
+    turned = [
+        name
+        for name in sheet.mechanism.joints
+        if name in balls and sheet.home.turned(sheet.mechanism.pairs[name])
+    ]
+    if turned:
+        say(
+            f"{', '.join(turned)}: MuJoCo measures the turn of a ball joint from home, not "
+            "from where the two frames agree"
+        )
+    for name in sheet.plan.dropped:
+        say(f"joints.{name}: holds nothing that the rest of the model does not, and is left out")
+    for name in sheet.plan.floating:
+        say(f"{name}: is reached by rods only and gets a free joint in MuJoCo")
+    # What is not there.
+    gone = [body for body in sheet.mechanism.bodies if body not in sheet.plan.seats]
+    if gone:
+        say(
+            f"{', '.join(gone)}: has no mass; its joints stand in the next body, as MJCF "
+            "writes several joints at once"
+        )
+    unshown = [
+        name
+        for name, body in sheet.mechanism.bodies.items()
+        if name in sheet.unshown or (name in gone and body.shapes)
+    ]
+    if unshown:
+        say(
+            f"{', '.join(unshown)}: has shapes that are left out: polygons, meshes of files "
+            "that MuJoCo does not read, or those of a body that is no body in MJCF"
+        )

@@ -1,0 +1,123 @@
+"""Transmissions and actuators as elements of MJCF: tendons of joints, cables, sites, laws."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+from linkwork.formats import poses
+from linkwork.formats.mjcf.laws import law_of, number, numbers
+from linkwork.formats.mjcf.sheet import Sheet, placed, put
+from linkwork.mechanism import (
+    Cable,
+    Combination,
+    LoadedLength,
+    MechanismError,
+    PulleyBlock,
+    Thrust,
+    ViaPoint,
+)
+
+
+def write_combinations(sheet: Sheet) -> None:
+    """Write combinations of coordinates as tendons of joints, with what acts along them."""
+    for name, line in sheet.mechanism.transmissions.items():
+        if not isinstance(line, Combination):
+            continue
+        for label, ratio in line.ratios.items():
+            if ratio and not sheet.is_hinge_or_slide(label):
+                raise MechanismError(
+                    f"transmissions.{name}.ratios: {label!r} is no hinge or slide in MJCF and "
+                    "cannot be combined"
+                )
+        tendon = sheet.add("tendon", "fixed", name=line_name(sheet, name))
+        for label, ratio in line.ratios.items():
+            if ratio:
+                ET.SubElement(tendon, "joint", joint=label, coef=number(ratio))
+        write_along(sheet, tendon, line, line.offset)
+
+
+def write_cables(sheet: Sheet) -> None:
+    """Write cables as spatial tendons, with sites and unseen geoms of their own."""
+    for name, line in sheet.mechanism.transmissions.items():
+        if not isinstance(line, Cable):
+            continue
+        tendon = sheet.add("tendon", "spatial", name=line_name(sheet, name))
+        for k, part in enumerate(line.path):
+            label = f"{name}.{k}"
+            if isinstance(part, PulleyBlock):
+                ET.SubElement(tendon, "pulley", divisor=number(part.divisor))
+            elif isinstance(part, ViaPoint):
+                X = sheet.home.poses[part.body] @ poses.shift(part.point)
+                sheet.site(label, part.body, X)
+                ET.SubElement(tendon, "site", site=label)
+            else:
+                size = [part.radius] if part.type == "sphere" else [part.radius, part.radius]
+                own = {"name": label, "type": part.type, "size": numbers(size), "group": "4"}
+                own |= placed(poses.of_frame(part.frame))
+                ET.SubElement(sheet.elements[part.body], "geom", attrib=own)
+                led = ET.SubElement(tendon, "geom", geom=label)
+                if part.inside:
+                    X = sheet.home.poses[part.body] @ poses.of_frame(part.frame)
+                    sheet.site(f"{label}.side", part.body, X)
+                    led.set("sidesite", f"{label}.side")
+        write_along(sheet, tendon, line, 0.0)
+
+
+def write_along(sheet: Sheet, tendon: ET.Element, line: LoadedLength, offset: float) -> None:
+    """Write what acts along a tendon, whose length is ahead of MuJoCo's by an offset."""
+    spring = line.spring
+    put(tendon, "stiffness", spring.stiffness)
+    put(tendon, "damping", spring.damping + line.friction.viscous)
+    put(tendon, "frictionloss", line.friction.coulomb)
+    put(tendon, "armature", line.inertia)
+    if spring.stiffness:
+        rest = spring.rest - offset
+        tendon.set("springlength", numbers((rest, rest + spring.slack)))
+
+
+def line_name(sheet: Sheet, name: str) -> str:
+    """Return the name of a transmission's tendon, which may not be that of another tendon."""
+    taken = {*sheet.mechanism.joints, *sheet.mechanism.springs}
+    return name if name not in taken else f"{name}.line"
+
+
+def write_actuator(sheet: Sheet, name: str) -> None:
+    """Write an actuator with the law that its drive is."""
+    line = sheet.mechanism.transmissions.get(name)
+    tag, gear, shown = law_of(sheet.mechanism, name, sheet.notes)
+    if isinstance(line, Thrust):
+        sheet.site(
+            f"{name}.site",
+            line.body,
+            sheet.home.poses[line.body] @ poses.shift(line.point),
+        )
+        wrench = [gear * float(x) for x in (*line.force, *line.moment)]
+        given = {"site": f"{name}.site", "gear": numbers(wrench)}
+        sheet.add("actuator", tag, name=name, **given, **shown)
+    elif line is not None:
+        given = {"tendon": line_name(sheet, name), "gear": number(gear)}
+        sheet.add("actuator", tag, name=name, **given, **shown)
+    elif sheet.is_hinge_or_slide(name):
+        given = {} if gear == 1 else {"gear": number(gear)}
+        sheet.add("actuator", tag, name=name, joint=name, **given, **shown)
+    else:
+        write_ball_actuator(sheet, name, tag, gear, shown)
+
+
+def write_ball_actuator(
+    sheet: Sheet, rate: str, tag: str, gear: float, law: dict[str, str]
+) -> None:
+    """Write an actuator of an axis of a ball."""
+    name, _, freedom = rate.partition(".")
+    joint = sheet.mechanism.pairs[name]
+    near, _ = sheet.home.frames(joint)
+    axis = near[:3, "xyz".index(freedom[-1])]
+    ball = name if name in sheet.moves else f"{name}.turn"
+    owner = next(
+        seat for seat in sheet.plan.seats.values() if any(move.name == ball for move in seat.moves)
+    )
+    along = gear * (sheet.home.poses[owner.body][:3, :3].T @ axis)
+    if sheet.moves[ball].backwards:
+        sheet.add("actuator", tag, name=rate, joint=ball, gear=numbers(-along), **law)
+    else:
+        sheet.add("actuator", tag, name=rate, jointinparent=ball, gear=numbers(along), **law)
