@@ -30,9 +30,10 @@ STAGES = (
     "model",
     "runs",
     "robot",
+    "export",
     "analysis motions scene",
     "views",
-    "sweeps viewer lab export",
+    "sweeps viewer lab",
     "cli",
 )
 """The packages, and modules beside them, from the lowest stage to the highest; those of one stage

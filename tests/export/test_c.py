@@ -18,7 +18,8 @@ OK, SINGULAR, NOT_FINITE = range(3)
 STRAIGHT = ["motion", "inverse_dynamics", "mass_matrix", "jacobian", "closure"]
 WHOLE = os.environ.get("LINKWORK_HOSTILE") == "all"
 SAMPLES = 10_000 if WHOLE else 50
-ULP = 4 * 2.0**-52
+ULP = {"jacobian": 16 * 2.0**-52, "closure": 16 * 2.0**-52}
+"""Differences over the largest entry, where terms cancel that are rounded otherwise; else 4 ulp."""
 
 
 def samples(robot: Robot, count: int = SAMPLES) -> dict[str, np.ndarray]:
@@ -52,7 +53,7 @@ def test_c_gives_the_numbers_of_the_kernels(name, tmp_path):
             expected, pivot = (y[:-1], abs(y[-1])) if piece.outputs[-1] == "pivot" else (y, 1.0)
             assert (status == SINGULAR) == (not pivot > PIVOT_BOUND)
             largest = np.abs(expected).max(initial=0.0)
-            atol = ULP * (largest if np.isfinite(largest) else 0.0)
+            atol = ULP.get(function, 4 * 2.0**-52) * (largest if np.isfinite(largest) else 0.0)
             np.testing.assert_allclose(np.concatenate(found), expected, rtol=0, atol=atol)
 
 

@@ -38,6 +38,7 @@ from linkwork.analysis.transferred import (
 )
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
+from linkwork.export.as_casadi import as_casadi
 from linkwork.model.charts import CompiledChart
 from linkwork.model.checks import names
 from linkwork.model.state import State
@@ -259,8 +260,9 @@ class ActuationModel:
         return (functions.closure_step(self.chart.equations), *made)
 
     def write_c(self, path: str | Path) -> Path:
-        """Write the functions of `functions` as one C file without dependencies; matrices are
-        column by column.
+        """Write the functions of `functions` as one C file without dependencies, and its header,
+        in CasADi's calling convention (`casadi.external` takes them); matrices are column by
+        column.
 
         Raises:
             LinkworkError: another suffix than .c, a folder that is not there.
@@ -270,10 +272,9 @@ class ActuationModel:
             raise LinkworkError(
                 f"C is written to a file .c in a folder that is there, not to '{target}'"
             )
-        code = ca.CodeGenerator(target.name, {"with_header": True})
-        for function in self.functions():
-            code.add(function)
-        code.generate(f"{target.parent}/")
+        source, header = as_casadi(self.functions(), target.stem)
+        target.write_text(source, encoding="utf-8")
+        target.with_suffix(".h").write_text(header, encoding="utf-8")
         return target
 
     @cached_property

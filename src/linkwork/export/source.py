@@ -12,6 +12,7 @@ from linkwork.export.calls import Call
 from linkwork.export.header import about, prototype, size_of
 from linkwork.export.layout import ArrayLayout
 from linkwork.export.sines import turn_text
+from linkwork.export.small import OWN, used
 from linkwork.export.statements import Dialect, functions_text
 from linkwork.export.templates import filled
 from linkwork.kernels.program import Program
@@ -23,13 +24,6 @@ from linkwork.runs.next_chart import REUSED
 from linkwork.runs.passage import SOFT
 from linkwork.simulation.tableaus import DORMAND_PRINCE
 
-OWN = (
-    "static lw_real lw_least(lw_real a, lw_real b) { return a < b || b != b ? a : b; }\n",
-    "static lw_real lw_most(lw_real a, lw_real b) { return a > b || b != b ? a : b; }\n",
-    "static lw_real lw_sign(lw_real a)\n"
-    "{\n    return a > 0 ? (lw_real)1 : a < 0 ? (lw_real)-1 : a;\n}\n",
-)
-"""Functions that the C library has in slow forms, or not at all."""
 CLOSED = {"double": 1e-13, "float": 1e-6}
 """Largest |phi| of closed loops, over what its rounding grows with; 64 times as much is open."""
 MET = {"double": 1e-6, "float": 1e-3}
@@ -107,21 +101,6 @@ def words(robot: Robot, free: bool) -> dict[str, str]:
 def weight(value: float) -> str:
     """Return a weight of a method as a literal of either precision."""
     return f"(lw_real){value!r}"
-
-
-def used(definitions: Sequence[str], body: str) -> list[str]:
-    """Return the definitions whose names stand in a body, or in one of them that is used later."""
-    found: list[str] = []
-    for text in reversed(definitions):
-        if re.search(rf"\b{head(text)}\b", body):
-            found.insert(0, text)
-            body += text
-    return found
-
-
-def head(text: str) -> str:
-    """Return the name that a definition gives."""
-    return re.findall(r"#define (\w+)|(\blw_\w+)[\[(]", text)[0][text.startswith("static")]
 
 
 def numbers(robot: Robot, dialect: Dialect) -> list[str]:

@@ -86,7 +86,7 @@ def functions_text(
     plan = planned(program, LANES)
     body = _Body(program, dialect, fields)
     inputs = [
-        f"const {'lw_parameters' if each == 'p' else 'lw_real'} *LW_RESTRICT {each}"
+        f"const {'lw_parameters' if each == 'p' and fields else 'lw_real'} *LW_RESTRICT {each}"
         for each, _ in program.inputs
     ]
     outputs = [f"lw_real *LW_RESTRICT {each}" for each, _ in program.outputs]
@@ -122,7 +122,7 @@ class _Body:
         self.plan = planned(program, LANES)
         self.sums = fused(program, self.plan)
         self.taken = {each.product for each in self.sums.values()}
-        arrays = [each for each in program.inputs if each[0] != "p"]
+        arrays = [each for each in program.inputs if each[0] != "p" or not fields]
         self.inputs = [*_places(arrays), *(f"p->{field}" for field in fields)]
         self.outputs = _places(program.outputs)
         self.made: set[int] = set()
