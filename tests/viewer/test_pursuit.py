@@ -87,6 +87,26 @@ def test_robots_of_mixed_freedoms_are_dragged_in_their_task():
     )
 
 
+def test_a_planar_tool_is_dragged_in_the_task_that_it_states():
+    """An arm of two links whose tip is led in x and its angle, wherever the hand is in y."""
+    arm = robots.pendulum((1.0, 0.6), (1.0, 1.0))
+    (name, tip), *_ = arm.tools.items()
+    own = {name: tip.model_copy(update={"task": ("x", "angle")})}
+    bent = {"hinge_1": 0.3, "hinge_2": 1.2}
+    robot = Robot(arm.model_copy(update={"tools": own, "reference": bent}))
+    pursuit = Pursuit(robot, fixtures_of(robot).size)
+    assert pursuit.turns
+    position, R = tool(pursuit, robot.home)
+    turned = Rotation.from_rotvec([0, 0, -0.2]).as_matrix() @ R
+    reached = pursuit.lead(robot.home, pursuit.tool_goal(np.add(position, (-0.1, 9.0, 0)), turned))
+    assert reached.arrived
+    expected = np.add(robot.task_values(robot.home), (-0.1, -0.2))
+    assert robot.task_values(reached.state) == pytest.approx(expected, abs=1e-7)
+    assert reached.state.positions == pytest.approx(
+        robot.assemble(tool=expected).positions, abs=1e-6
+    )
+
+
 def test_the_handle_of_a_relative_tool_is_where_the_tool_is():
     mechanism = scara()
     fields = {name: getattr(mechanism, name) for name in type(mechanism).model_fields}

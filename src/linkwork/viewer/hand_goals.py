@@ -82,7 +82,7 @@ class ToolGoal:
         wanted = {
             "position": self.position[None],
             "orientation": self.orientation.reshape(1, 9),
-            "angle": np.zeros((1, 1)),
+            "angle": np.arctan2(self.orientation[1:2, :1], self.orientation[:1, :1]),
         }
         here = {name: out[name][None] for name in ("position", "orientation", "angle", "J_tool")}
         scale = np.array([1.0 if is_length(item) else self.length for item in task.held])

@@ -19,11 +19,12 @@ from functools import cached_property
 import numpy as np
 
 from linkwork.equations.reference import unit
+from linkwork.mechanism.task import is_length
 from linkwork.model.asked import ToolAsked
 from linkwork.model.assembly import Assembler
 from linkwork.model.closing import settled_alone
 from linkwork.model.labels import POSES
-from linkwork.model.task import freedoms, task_if_any
+from linkwork.model.task import freedoms, stated, task_if_any
 from linkwork.robot import Robot, State
 from linkwork.viewer.bounds import Bound, bounds_of
 from linkwork.viewer.hand_goals import HandGoal, JointGoal, Outputs, ToolGoal
@@ -89,10 +90,13 @@ class Pursuit:
 
     @cached_property
     def task(self) -> ToolAsked | None:
-        """Return the task of a spatial tool of mixed freedoms, if it has rates at home."""
-        robot = self.robot
-        found = None if robot.planar else task_if_any(robot, near=False)
-        if found is None or found in (POSES[False], POSES[False][:3], POSES[False][3:]):
+        """Return the task of a spatial tool of mixed freedoms, or the one that a planar tool
+        states, if it has rates at home."""
+        robot, names = self.robot, POSES[self.robot.planar]
+        told = robot.mechanism.tools and (stated(robot) or not robot.planar)
+        found = task_if_any(robot, near=False) if told else None
+        parts = (names, names[:2]) if robot.planar else (names, names[:3], names[3:])
+        if found is None or found in parts:
             return None
         asked = ToolAsked(found, robot.equations.tree.length, robot.planar)
         out = {name: part[None] for name, part in self.assembler.still(robot.home.q).items()}
@@ -113,10 +117,13 @@ class Pursuit:
 
     @cached_property
     def turns(self) -> bool:
-        """Tell whether the tool can be turned in a way that does not follow from its position.
+        """Tell whether the tool can be turned in a way that does not follow from its position, or
+        is led in a turn.
 
-        This is asked a little beside the reference configuration, which may be a singular one.
+        The first is asked a little beside the reference configuration, which may be a singular one.
         """
+        if self.task and not all(map(is_length, self.task.held)):
+            return True
         out = self.assembler.still(self.robot.home.q)
         H_inverse, N = inverse(self.jacobian(out, Held()))
         aside = ASIDE * self.size * N @ np.linspace(1, 2, N.shape[1])
