@@ -85,3 +85,11 @@ def test_a_string_between_two_points_with_a_slack_spring_is_a_cable(tmp_path):
     path.write_text(HUNG.format('stiffness="50" springlength="0.2 0.4"', ""))
     spring = load(path).mechanism.transmissions["string"].spring
     assert (spring.stiffness, spring.rest, spring.slack) == pytest.approx((50, 0.2, 0.2))
+
+
+def test_a_margin_that_leaves_no_room_is_told(tmp_path):
+    path = tmp_path / "hung.xml"
+    path.write_text(HUNG.format("", 'margin="0.2"'))
+    imported = load(path).mechanism
+    assert imported.transmissions.get("mesh") is None
+    assert any("its margin leaves no room" in note for note in imported.caveats)

@@ -16,6 +16,8 @@ m b d / (1 - d), at the depth `width`.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 
@@ -40,6 +42,7 @@ STOPPED = (
 UNMOVED = (
     "has a range, which is left out: at qpos0 the tendon moves nothing, or something without mass"
 )
+NARROW = "has a range, which is left out: its margin leaves no room between the ends"
 
 
 def is_limited(element: Element, document: Document) -> bool:
@@ -63,13 +66,16 @@ def stop_of(
         k, b = 1 / (d * first * second) ** 2, 2 / (d * first)
     else:
         k, b = -first / d**2, -second / d
+    margin, (lower, upper) = element.number("margin", 0.0), element.numbers("range", (2,))
+    below = lower > 0 or isinstance(line, Combination)  # no way is shorter than nothing
+    if below and lower + margin >= upper - margin:
+        notes.on(element, NARROW, alters=True)
+        return None
     mobility = _mobility(line, tree, joints)
     if mobility < LEAST or not k:
         notes.on(element, UNMOVED, alters=True)
         return None
     notes.on(element, STOPPED, alters=True)
-    margin, (lower, upper) = element.number("margin", 0.0), element.numbers("range", (2,))
-    below = lower > 0 or isinstance(line, Combination)  # no way is shorter than nothing
     return element.make(
         Stop,
         lower=lower + margin if below else None,
@@ -82,6 +88,7 @@ def stop_of(
 
 def _mobility(line: Combination | Cable, tree: ModelTree, joints: Joints) -> float:
     """Return J M^-1 J' of a tendon at qpos0."""
+    tree = _moved_by(line, tree, joints)
     M, places = inertia(tree)
     J = np.zeros(len(M))
     if isinstance(line, Combination):
@@ -104,3 +111,21 @@ def _mobility(line: Combination | Cable, tree: ModelTree, joints: Joints) -> flo
     M = M + line.inertia * np.outer(J, J)
     moved, *_ = np.linalg.lstsq(M, J)
     return float(J @ moved) if np.allclose(M @ moved, J) else 0.0
+
+
+def _moved_by(line: Combination | Cable, tree: ModelTree, joints: Joints) -> ModelTree:
+    """Return the trees, of those that stand in the world, that a tendon moves: all others are apart
+    in M."""
+    roots: dict[str, str] = {}
+    for name, node in tree.nodes.items():
+        roots[name] = roots.get(node.parent, name)
+    if isinstance(line, Combination):
+        bodies = {
+            node.name
+            for node, piece in tree.pieces()
+            if joints.coordinates.get(piece.name or "") in line.ratios
+        }
+    else:
+        bodies = {*line.bodies} & tree.nodes.keys()
+    own = {roots[name] for name in bodies}
+    return replace(tree, nodes={n: node for n, node in tree.nodes.items() if roots[n] in own})
