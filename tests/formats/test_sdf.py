@@ -378,11 +378,17 @@ def test_limits_efforts_and_shapes(tmp_path):
         joint(
             "j", "revolute", "world", "a", limit.format("<effort>5</effort><velocity>2</velocity>")
         ),
-        joint("k", "revolute", "a", "b", limit.format("<effort>0</effort>")),
+        joint("k", "revolute", "a", "b", limit.format("<effort>0</effort>")).replace(
+            "</joint>",
+            "<drake:rotor_inertia>0.002</drake:rotor_inertia>"
+            "<drake:gear_ratio>10</drake:gear_ratio></joint>",
+        ),
     )
     imported = read(text, tmp_path)
     mechanism = imported.mechanism
     assert [note for note in imported.notes if "bounds the velocity" in note]
+    assert mechanism.joints["k"].rotor_inertia == pytest.approx(0.2)
+    assert mechanism.joints["j"].rotor_inertia == 0
     assert mechanism.actuators == ("j",)
     assert mechanism.drives == {"j": {"type": "saturated", "limit": 5}}
     assert mechanism.joints["j"].limits == Limits(upper=2)

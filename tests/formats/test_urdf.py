@@ -432,3 +432,24 @@ def test_a_pair_that_is_not_whole_drives_what_is_there(tmp_path):
 def test_limits_of_velocity_are_told(velocity, told, tmp_path):
     notes = read(arm(first=f'<limit effort="1" velocity="{velocity}"/>'), tmp_path).notes
     assert any("bounds the velocity" in note for note in notes) == told
+
+
+def test_rotors_behind_gears_add_to_the_inertia(tmp_path):
+    """Drake's elements: gear_ratio^2 rotor_inertia at the joint."""
+    drive = (
+        '<transmission type="SimpleTransmission"><actuator name="m">'
+        '<drake:gear_ratio value="10"/><drake:rotor_inertia value="0.002"/></actuator>'
+        '<joint name="{}"/></transmission>'
+    )
+    first, second, _ = (
+        read(arm(extra=drive.format(name)), tmp_path).mechanism.joints
+        for name in ("j", "k", "none")
+    )
+    assert first["j"].rotor_inertia == pytest.approx(0.2)
+    assert (first["k"].rotor_inertia, second["k"].rotor_inertia) == (0, pytest.approx(0.2))
+
+
+@pytest.mark.parametrize("tag", ["linear_bushing_rpy", "ball_constraint", "joint"])
+def test_what_drake_adds_to_the_motion_is_warned_of(tag, tmp_path):
+    with pytest.warns(ModelWarning, match=f"drake:{tag}"):
+        read(arm(extra=f'<drake:{tag} name="x"/>'), tmp_path)

@@ -126,7 +126,13 @@ class JointReader:
             self._one_axis(joint, kind, fields)
 
     def _one_axis(self, joint: SdfJoint, kind: str, fields: dict) -> None:
+        # Drake's elements of a rotor behind a gear, beside the axis.
+        ratio, rotor = (
+            joint.element.inner_number(f"drake:{name}", default)
+            for name, default in (("gear_ratio", 1.0), ("rotor_inertia", 0.0))
+        )
         acting = self._acting(joint, "axis", kind != "continuous")
+        acting["rotor_inertia"] = ratio**2 * rotor
         fields |= {"axis": self._axis(joint, "axis"), **acting}
         made = RevoluteJoint if kind in HINGES else PrismaticJoint
         if kind == "screw":

@@ -168,6 +168,23 @@ def _bound(joint: UrdfJoint, name: str) -> float | None:
     return found if isfinite(found) and 0 < found < HUGE else None
 
 
+def reflected_inertia(model: UrdfModel, joint: UrdfJoint) -> float:
+    """Return what the rotors of a joint's motors add to its inertia, gear_ratio^2 rotor_inertia of
+    each that Drake's elements of its transmissions give."""
+    total = 0.0
+    for transmission in model.root.each("transmission"):
+        driven = [part.attributes.get("name") for part in transmission.each("joint")]
+        if driven == [joint.name]:
+            for motor in transmission.each("actuator"):
+                ratio, rotor = (
+                    1.0 if (part := motor.first(f"drake:{name}")) is None else part.number("value")
+                    for name in ("gear_ratio", "rotor_inertia")
+                )
+                known = motor.first("drake:rotor_inertia") is not None
+                total += ratio**2 * rotor if known else 0.0
+    return total
+
+
 def _undriven(model: UrdfModel, loops: bool, notes: Notes) -> tuple[str, ...]:
     """Return what moves by itself in a tree, and nothing in a loop, where it would be too many."""
     where = model.root.file.name

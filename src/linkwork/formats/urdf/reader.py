@@ -19,7 +19,7 @@ from linkwork.formats.masses import without_noise
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.reading import Reading
-from linkwork.formats.urdf.actuators import read_actuation
+from linkwork.formats.urdf.actuators import read_actuation, reflected_inertia
 from linkwork.formats.urdf.model import (
     ONE_FREEDOM,
     UrdfJoint,
@@ -66,6 +66,14 @@ GAZEBO_MOTION = {
     "link": "links are those of the file itself",
     "model": "models inside are not read",
 }
+DRAKE_MOTION = (
+    "drake:joint",
+    "drake:ball_constraint",
+    "drake:linear_bushing_rpy",
+    "drake:linear_spring_damper",
+    "drake:prismatic_spring",
+    "drake:tendon_constraint",
+)
 OFF = ("false", "0", "0.0")
 SILENT = {
     "robot": {"material", "link", "joint", "loop", "coupling", "constraint", "transmission"},
@@ -164,7 +172,11 @@ def _survey(root: Element, notes: Notes) -> None:
         if element.tag == "gazebo":
             _survey_gazebo(element, notes)
         if element.tag not in SILENT["robot"] and not any(element.each(*GAZEBO_READ)):
-            notes.on(element, "is left out: it is no part of a mechanism known here")
+            notes.on(
+                element,
+                "is left out: it is no part of a mechanism known here",
+                alters=element.tag in DRAKE_MOTION,
+            )
         for child in element.children if element.tag in ("link", "joint") else ():
             if child.tag not in SILENT[element.tag] and not _says_nothing(child):
                 notes.on(
@@ -297,6 +309,7 @@ def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
         "friction": friction,
         "spring": _spring(model, joint),
         "limits": _limits(joint),
+        "rotor_inertia": reflected_inertia(model, joint),
     }
     return element.make(PrismaticJoint if joint.type == "prismatic" else RevoluteJoint, **fields)
 
