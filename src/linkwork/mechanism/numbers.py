@@ -126,7 +126,7 @@ def located(mechanism: Mechanism, path: str) -> tuple[Where, float]:
 def _follow(item: Any, parts: Where, before: Where) -> tuple[Where, float]:
     """Follow the parts of a path from an item of the description; before: the way that led to
     it."""
-    inside = _inside(item)
+    inside = contents(item)
     if not parts:
         if isinstance(item, float):
             return before, item
@@ -148,7 +148,7 @@ def _follow(item: Any, parts: Where, before: Where) -> tuple[Where, float]:
     )
 
 
-def _inside(item: Any) -> dict[str, Any]:
+def contents(item: Any) -> dict[str, Any]:
     """Return what an item holds, by field, name or index; what a joint leaves out of its freedoms
     is zero."""
     if isinstance(item, Record):
@@ -170,7 +170,7 @@ def _replaced(item: Any, where: Where, value: Any) -> Any:
     """Return an item with another value at a place in it."""
     if not where:
         return value
-    inside = _inside(item)
+    inside = contents(item)
     part = _replaced(inside[where[0]], where[1:], value)
     if isinstance(item, Record):
         return item.model_copy(update={where[0]: part})

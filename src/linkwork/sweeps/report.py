@@ -11,6 +11,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -209,9 +210,10 @@ def figure(store: Store, found: Summary) -> Figure:
     controller."""
     from matplotlib.patches import Patch
 
+    from linkwork.views.parameter_units import unit_of_parameter
     from linkwork.views.style import COLOURS, new_figure, styled
 
-    handles: dict[str, Patch] = {}
+    # Columns of what varies, rows of outputs, a colour for each controller.
     varied = store.bench.study.varied[: PANELS[1]]
     outputs = columns(store)[len(store.bench.study.varied) :][: PANELS[0]]
     units = {row.output: row.unit for row in found.rows}
@@ -219,6 +221,7 @@ def figure(store: Store, found: Summary) -> Figure:
     with styled():
         drawing = new_figure(2.4 * (len(varied) + 1), 1.9 * len(outputs) + 0.4)
         grid = drawing.subplots(len(outputs), len(varied) + 1, squeeze=False)
+        # Each output over what varies, and its distribution.
         for axes_row, output in zip(grid, outputs, strict=True):
             for case, name in enumerate(controllers):
                 own = (found.points["controller"] == case) & np.isfinite(found.points[output])
@@ -231,13 +234,16 @@ def figure(store: Store, found: Summary) -> Figure:
                 if values.size:
                     bins = min(30, 5 + values.size // 20)
                     axes_row[-1].hist(values, bins=bins, alpha=0.6, **look)
-                if len(controllers) > 1:
-                    handles[name] = Patch(alpha=0.6, **look)
+            # Names and units.
             axes_row[0].set_ylabel(f"{output}\n[{units.get(output, '')}]")
             axes_row[-1].set_xlabel(output)
             for axes, across in zip(axes_row, varied, strict=False):
-                axes.set_xlabel(across)
+                unit = unit_of_parameter(store.bench.robot.mechanism, across)
+                axes.set_xlabel(f"{across} [{unit}]" if unit else across)
+        # What the colours are, also of those that have nothing in the first row.
         grid[0][-1].set_title("members")
         if len(controllers) > 1:
-            grid[0][-1].legend(handles=[*handles.values()])
+            looks = zip(controllers, cycle(COLOURS), strict=False)
+            handles = [Patch(color=colour, alpha=0.6, label=name) for name, colour in looks]
+            grid[0][-1].legend(handles=handles)
     return drawing

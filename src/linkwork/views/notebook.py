@@ -16,6 +16,7 @@ from linkwork.robot import Ensemble, Motion, Robot, State
 from linkwork.simulation import Run, Status
 from linkwork.views.drawing import plot_mechanism
 from linkwork.views.pages import page, picture
+from linkwork.views.parameter_units import unit_of_parameter, with_unit
 from linkwork.views.plots import USUAL, plot_run
 from linkwork.views.style import label_time, look, new_figure, styled, svg
 
@@ -69,7 +70,7 @@ def of_robot(robot: Robot) -> Portrait:
         *facts_of(robot.mechanism),
         ("redundant rows", some(robot.redundant)),
         ("idle freedoms", some(robot.idle)),
-        ("free numbers", some([f"{path} = {x:g}" for path, x in robot.parameters.items()])),
+        ("free numbers", some(free_numbers(robot))),
         ("notes", " ".join(robot.notes)),
     ]
     title = f"Robot {robot.mechanism.name}"
@@ -107,10 +108,11 @@ def of_run(run: Run) -> Portrait:
 def of_ensemble(ensemble: Ensemble) -> Portrait:
     kinds, counts = np.unique(ensemble.status, return_counts=True)
     robot = ensemble.members.robot
+    units = {name: unit_of_parameter(robot.mechanism, name) for name in ensemble.parameters}
     found = [
         ("members", f"{len(ensemble):,}"),
         *((Status(kind).name.lower(), f"{k:,}") for kind, k in zip(kinds, counts, strict=True)),
-        ("parameters", some([*ensemble.parameters])),
+        ("parameters", some(f"{name} [{unit}]" if unit else name for name, unit in units.items())),
         ("samples", f"{len(ensemble.settings.save_at):,}"),
         ("largest closure error", f"{np.nanmax(ensemble.closure_error, initial=0.0):.2g}"),
     ]
@@ -215,6 +217,14 @@ def facts_of(mechanism: Mechanism) -> list[tuple[str, str]]:
         ("joints", ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))),
         ("actuators", some(mechanism.actuators)),
         ("tools", some(mechanism.tools)),
+    ]
+
+
+def free_numbers(robot: Robot) -> list[str]:
+    """Return the free numbers of a robot with their values and units."""
+    return [
+        with_unit(robot.mechanism, path, f"{path} = {value:g}")
+        for path, value in robot.parameters.items()
     ]
 
 

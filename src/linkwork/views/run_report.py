@@ -24,6 +24,7 @@ from linkwork.simulation import Run
 from linkwork.views.film import Film, film
 from linkwork.views.motion import plot_motion, run_states
 from linkwork.views.pages import PageTable, Picture, page, picture, short
+from linkwork.views.parameter_units import with_unit
 from linkwork.views.plots import plot_run, units_of
 from linkwork.views.style import svg
 
@@ -330,7 +331,9 @@ def computed_table(robot: Robot, run: Run) -> PageTable:
         ),
     ]
     if told.get("parameters"):
-        rows.append(("parameters", str(told["parameters"])))
+        given = str(told["parameters"]).split(", ")
+        shown = (with_unit(robot.mechanism, each.partition(" = ")[0], each) for each in given)
+        rows.append(("parameters", ", ".join(shown)))
     return PageTable("How the run was computed.", ("", ""), rows, numbers=False)
 
 

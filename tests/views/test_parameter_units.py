@@ -1,0 +1,50 @@
+"""Units of free parameters: those of the fields that they are, and where they are told."""
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.views import write_report
+from linkwork.views.parameter_units import unit_of_parameter
+
+from tests.catalogue import built
+
+UNITS = {
+    "platform.mass": "kg",
+    "platform.com.x": "m",
+    "platform.inertia.zz": "kg m^2",
+    "gravity.z": "m/s^2",
+    "slide_1.friction.viscous": "N s/m",
+    "pivot_1.friction.coulomb": "N m",
+    "slide_1.rotor_inertia": "kg",
+    "pivot_1.rotor_inertia": "kg m^2",
+    "pivot_1.frames.0.position.x": "m",
+    "slide_1.spring.stiffness": "N/m",
+    "kp": "",
+}
+
+
+@pytest.mark.parametrize("path", UNITS)
+def test_numbers_have_the_units_of_their_fields(path):
+    assert unit_of_parameter(lw.robots.prr3(), path) == UNITS[path]
+
+
+def test_freedoms_that_slide_and_those_that_turn_are_told_apart():
+    joints = {"c": lw.CylindricalJoint(connects=("ground", "b"))}
+    mechanism = lw.Mechanism(bodies={"b": lw.Body(mass=1.0)}, joints=joints)
+    assert unit_of_parameter(mechanism, "c.friction.slide.viscous") == "N s/m"
+    assert unit_of_parameter(mechanism, "c.friction.angle.viscous") == "N m s/rad"
+    assert unit_of_parameter(mechanism, "c.rotor_inertia.slide") == "kg"
+    assert unit_of_parameter(mechanism, "c.rotor_inertia.angle") == "kg m^2"
+
+
+def test_reports_and_notebooks_tell_them(tmp_path):
+    robot = built("pendulum")
+    free = robot.free(f"{robot.bodies[0]}.mass")
+    name = next(iter(free.parameters))
+    run = free.simulate(free.home, duration=0.1, save_at=np.linspace(0, 0.1, 3))
+    text = write_report(free, run, tmp_path / "run.html").read_text(encoding="utf-8")
+    assert f"{name} = {free.parameters[name]!r} kg" in text
+    assert f"{name} = {free.parameters[name]:g} kg" in free._repr_html_()
+    many = free.ensemble(free.home, parameters={name: [1.0, 2.0]}, duration=0.1)
+    assert f"{name} [kg]" in many._repr_html_()
