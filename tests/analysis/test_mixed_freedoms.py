@@ -8,16 +8,18 @@ from itertools import product
 import numpy as np
 
 import linkwork as lw
-from linkwork.analysis import working_modes, workspace
+from linkwork.analysis import singularity, working_modes, workspace
 
 from tests.robot.mixed_freedoms import (
     BASE,
     FIRST,
+    HEIGHT,
     SECOND,
     TOP,
     pose_of_three_legs,
     rotation_z,
     scara,
+    three_cpr,
     three_legs,
 )
 
@@ -47,3 +49,20 @@ def test_a_scara_arm_works_in_two_modes_and_shifts_where_its_links_reach():
     mapped = workspace(robot, grid)
     reach = np.hypot(*np.meshgrid(grid["x"], grid["y"], indexing="ij"))
     np.testing.assert_array_equal(mapped["reachable"], (reach < 0.7) & (reach > 0.1))
+
+
+def test_a_3_cpr_shifts_by_the_lengths_of_its_legs():
+    """Its platform never turns: leg i, free along its foot's axis, is as long as
+    hypot(TOP - BASE + x.e_i, z)."""
+    robot = lw.Robot(three_cpr())
+    assert robot.mobility == 3 and robot.task == ("x", "y", "z") and robot.notes == ()
+    assert singularity(robot, robot.home).kinds == ()
+    azimuths = 2 * np.pi / 3 * np.arange(3)
+    for aside in np.random.default_rng(3).uniform(-0.2, 0.2, (5, 3)):
+        x, y, z = np.array([0.0, 0.0, HEIGHT]) + aside
+        state = robot.assemble(tool=[x, y, z])
+        out = TOP - BASE + x * np.cos(azimuths) + y * np.sin(azimuths)
+        found = [state[name] for name in robot.actuators]
+        np.testing.assert_allclose(found, np.hypot(out, z), atol=1e-12)
+        np.testing.assert_allclose(robot.tool_pose(state)[3:], 0, atol=1e-12)
+    assert len(working_modes(robot)) == 8

@@ -6,6 +6,7 @@ import numpy as np
 
 from linkwork import (
     Body,
+    CylindricalJoint,
     Frame,
     Inertia,
     Mechanism,
@@ -83,6 +84,42 @@ def three_legs(lower: str, task=None) -> Mechanism:
         joints=joints,
         actuators=tuple(drives),
         tools={"centre": Tool(body="platform", task=task)},
+        reference=reference,
+    )
+
+
+def three_cpr() -> Mechanism:
+    """A 3-CPR: cylindrical joints along the sides of a triangle, slides, hinges along the same
+    sides."""
+    bodies, joints, reference = {"platform": PART}, {}, {}
+    lean = float(np.arctan2(HEIGHT, TOP - BASE))
+    for i, azimuth in enumerate(2 * np.pi / 3 * np.arange(3), start=1):
+        e, turned = np.array([np.cos(azimuth), np.sin(azimuth), 0]), (0.0, 0.0, float(azimuth))
+        bodies |= {f"lower_{i}": PART, f"upper_{i}": PART}
+        joints |= {
+            f"foot_{i}": CylindricalJoint(
+                connects=("ground", f"lower_{i}"),
+                frames=(at(*(BASE * e), rotation=turned), Frame()),
+                axis=(0, -1, 0),
+            ),
+            f"slide_{i}": PrismaticJoint(connects=(f"lower_{i}", f"upper_{i}"), axis=(1, 0, 0)),
+            f"hinge_{i}": RevoluteJoint(
+                connects=(f"upper_{i}", "platform"),
+                frames=(Frame(), at(*(TOP * e), rotation=turned)),
+                axis=(0, -1, 0),
+            ),
+        }
+        reference |= {
+            f"foot_{i}.angle": lean,
+            f"slide_{i}": float(np.hypot(HEIGHT, TOP - BASE)),
+            f"hinge_{i}": -lean,
+        }
+    return Mechanism(
+        name="3-CPR",
+        bodies=bodies,
+        joints=joints,
+        actuators=("slide_1", "slide_2", "slide_3"),
+        tools={"centre": Tool(body="platform")},
         reference=reference,
     )
 
