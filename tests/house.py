@@ -24,7 +24,8 @@ WINGS = {
         *("native_rosenbrock", "rosenbrock"),
     ),
     "accounts of runs": (
-        *("accuracy", "fault_sources", "quantities", "run_record", "saved_states", "work"),
+        *("accuracy", "fault_sources", "quantities", "run_record", "saved_states"),
+        *("stiff_sources", "work"),
         "undefined",
     ),
     "statics, linear": (

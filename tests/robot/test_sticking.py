@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import linkwork as lw
 
@@ -90,6 +91,33 @@ def test_a_stick_slip_oscillator_tends_to_coulomb_s():
         expected = [pulled(static, V, t) for t in times]
         errors.append(np.abs(run.dataset["joint_position"].values[:, 0] - expected).max())
     assert errors[0] < 4e-3 and errors[1] < errors[0] / 4
+
+
+def test_a_stick_slip_oscillator_goes_as_its_own_equations_say():
+    """Of the model itself, bristles and the rise of friction included, by another integrator."""
+    static, V, narrow, stiffness = 3.0, 0.3, 0.03, 1e5
+    bristle, times = hard(stiffness), np.linspace(0, 0.9, 10)
+    friction = {"coulomb": F, "static": static, "stribeck_rate": narrow, "bristle": bristle}
+    robot = slide(actuators=("x",), **friction)
+    run = robot.simulate(
+        robot.state([0.0]),
+        lambda t, state: [k * (V * t - state["x"])],
+        duration=0.9,
+        save_at=times,
+        method="rodas",
+        rtol=1e-9,
+        atol=1e-12,
+    )
+
+    def slope(t, y):
+        x, w, b = y
+        bend = w - abs(w) * b / (F + (static - F) * np.exp(-((w / narrow) ** 2)))
+        return [w, (k * (V * t - x) - b - bristle.damping * bend) / MASS, stiffness * bend]
+
+    exact = solve_ivp(slope, (0, 0.9), np.zeros(3), "Radau", times, rtol=1e-8, atol=1e-11)
+    close(run.dataset["joint_position"].values[:, 0], exact.y[0], 1e-6)
+    close(run.dataset["joint_rate"].values[:, 0], exact.y[1], 1e-6)
+    assert run.dataset["joint_rate"].values.max() > V
 
 
 def test_a_bristle_bends_as_the_rate_goes_steadily():
@@ -287,3 +315,30 @@ def test_reactions_beside_a_contact_that_sticks():
     close(found[:, 3], np.zeros(11), 1e-9)
     close(found[:, 5], np.full(11, m * g - 1e5 * 0.0005), 1e-9)
     assert abs(run.dataset["joint_rate"].values[-1, 0]) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("loads", "what"),
+    [
+        ({"friction": lw.Friction(coulomb=1.0, coulomb_rate=1e-6)}, "the dry friction of x"),
+        ({"spring": lw.Spring(stiffness=1e9)}, "the spring of x"),
+        ({"spring": lw.Spring(stiffness=1.0, damping=1e6)}, "the damper of x"),
+    ],
+)
+def test_explicit_methods_name_what_bounds_their_steps(loads, what):
+    joint = lw.PrismaticJoint(connects=("ground", "body"), axis=(1, 0, 0), **loads)
+    robot = lw.Robot(lw.Mechanism(bodies={"body": BODY}, joints={"x": joint}))
+    still = "spring" in what  # else its oscillation would have to be followed
+    start = robot.state([1e-15 if still else 1e-3]).with_rates([0.0 if still else 1e-6])
+    run = robot.simulate(start, duration=10.0, method="dormand_prince", max_steps=3000)
+    assert run.status is lw.Status.TOO_MANY_STEPS
+    assert f'take method="rodas", for {what} is stiff there (about ' in run.message
+    rate = float(run.message.partition("(about ")[2].partition(" 1/s")[0])
+    expected = {"dry": 1.0 / 1e-6 / MASS, "spr": np.sqrt(1e9 / MASS), "dam": 1e6 / MASS}[what[4:7]]
+    assert abs(rate / expected - 1) < 0.5
+
+
+def test_explicit_methods_that_nothing_stiff_stops_say_so_as_before():
+    robot = slide(k)
+    run = robot.simulate(robot.state([0.3]), duration=10.0, method="dormand_prince", max_steps=5)
+    assert "stiff there" not in run.message and "allow more, loosen rtol" in run.message

@@ -28,8 +28,9 @@ from linkwork.runs.passage import Passage, Segment
 from linkwork.runs.quantities import AXES
 from linkwork.runs.run_record import RunRecord
 from linkwork.runs.settings import Settings
+from linkwork.runs.stiff_sources import stiff_source
 from linkwork.runs.system import System
-from linkwork.simulation import Control, Pace, Run, Statistics, Status, Variable
+from linkwork.simulation import RODAS, Control, Pace, Run, Statistics, Status, Variable
 from linkwork.simulation.run import SINGULAR_TIMES, Deferred
 from linkwork.simulation.signals import require_increasing
 
@@ -332,7 +333,18 @@ def ended(system: System, segment: Segment) -> tuple[Status, str]:
         return last.status, last.status.sentence(
             **last.outcome._asdict(), **last.bounds, fault_source=found
         )
-    return last.status, last.message
+    return last.status, used_up(system, segment) or last.message
+
+
+def used_up(system: System, segment: Segment) -> str:
+    """Return the sentence of a run whose explicit steps something stiff bounded until they were
+    used up; nothing of others."""
+    last = segment.trajectory
+    if last.status is not Status.TOO_MANY_STEPS or segment.method == RODAS.name:
+        return ""
+    found = stiff_source(system, segment)
+    facts = {**last.outcome._asdict(), **last.bounds, "remedy": f"or {found}"}
+    return last.status.sentence(**facts) if found else ""
 
 
 def statistics(segments: Sequence[Segment]) -> Statistics:
