@@ -27,8 +27,8 @@ from linkwork.analysis.kept_tree import KeptTree
 from linkwork.equations import functions
 from linkwork.equations.algebra import SX, cross, quaternion_matrix
 from linkwork.equations.elimination import solve
-from linkwork.equations.equations import solve_symmetric
 from linkwork.equations.joint_map import derivative
+from linkwork.equations.symmetric import solve_symmetric
 from linkwork.formats import poses
 from linkwork.mechanism import GROUND
 

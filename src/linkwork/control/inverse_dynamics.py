@@ -20,7 +20,7 @@ import numpy as np
 from linkwork import math
 from linkwork.control.observation import Observation
 from linkwork.control.plant import Plant
-from linkwork.equations.equations import solve_symmetric
+from linkwork.equations.symmetric import solve_symmetric
 from linkwork.errors import LinkworkError
 
 

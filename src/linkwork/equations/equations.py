@@ -11,11 +11,10 @@ where these are the independent ones. The accelerations of large open trees are 
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from functools import cached_property, reduce
+from functools import cached_property
 from math import prod
 from typing import NamedTuple
 
@@ -24,11 +23,12 @@ import numpy as np
 
 from linkwork.equations import articulated, contact, dynamics, effects
 from linkwork.equations.algebra import SX, present, vector
-from linkwork.equations.chart import COFACTOR_SIZE, Chart, constancy
+from linkwork.equations.chart import Chart, constancy
 from linkwork.equations.closure import Cut
 from linkwork.equations.elimination import solve, weakest
 from linkwork.equations.joint_map import JointMap
 from linkwork.equations.reflections import least_singular
+from linkwork.equations.symmetric import HIDDEN, solve_symmetric, unless
 from linkwork.equations.topology import Topology
 from linkwork.equations.tree import Tree
 from linkwork.mechanism import Mechanism
@@ -47,7 +47,6 @@ GAPING = 1e-4
 DOUBTFUL = 1e-5  # pivot that may be a rounding error, over the largest number at the outset
 FEW = 8  # matrices whose singular values are found as quickly as the signs of their pivots
 LARGE = 300  # rank from which on singular values by reflections of sparse rows are found sooner
-HIDDEN = 1e-13  # part of a product that rounding hides
 PAIR, MORE = 45, 250
 """Operations that M takes for each pair of rates one of which carries the other, and those that
 articulated inertias take more for each rate: counted on chains and trees of 6 to 60 hinges."""
@@ -438,48 +437,3 @@ def above(Phi: np.ndarray, rank: int, bound: float) -> np.ndarray:
     if rank and doubtful.size:
         found[doubtful] = smallest_singular(np.moveaxis(rows[..., doubtful], -1, 0), rank) > bound
     return found.reshape(Phi.shape[:-2])
-
-
-def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:
-    """Solve A x = b for a symmetric positive A.
-
-    Up to three unknowns by cofactors, A^-1 = adj A / det A: one division, and short chains of
-    operations. More by A = U' D U without square roots, U unit upper triangular. Where A is
-    singular but for rounding x is not finite: by Hadamard's inequality det A <= prod A_ii, of which
-    less than HIDDEN is left, and likewise 1 / D_i <= A_ii.
-    """
-    n = A.shape[0]
-    if n <= COFACTOR_SIZE:
-        adjugate = ca.densify(ca.adj(A))
-        det = ca.mtimes(A[0, :], adjugate[:, 0])
-        x = ca.mtimes(adjugate, b) / det
-        x[0] += unless(det > HIDDEN * product(ca.diag(A))) if n > 1 else 0
-        return x
-    U, D = SX.eye(n), [SX(0)] * n
-    W = SX.zeros(n, n)
-    for i in range(n):
-        for j in range(i, n):
-            W[i, j] = A[i, j] - sum((W[k, i] * U[k, j] for k in range(i)), SX(0))
-        D[i] = 1 / W[i, i]
-        for j in range(i + 1, n):
-            U[i, j] = W[i, j] * D[i]
-    x = [b[i] for i in range(n)]
-    for i in range(n):
-        for k in range(i):
-            x[i] = x[i] - U[k, i] * x[k]
-    x = [x[i] * D[i] for i in range(n)]
-    for i in reversed(range(n)):
-        for k in range(i + 1, n):
-            x[i] = x[i] - U[i, k] * x[k]
-    x[0] = unless(sum(((A[i, i] * D[i]) ** 2 for i in range(1, n)), SX(0)) < HIDDEN**-2) + x[0]
-    return ca.vertcat(*x)
-
-
-def unless(condition: ca.SX) -> ca.SX:
-    """Return 0 where a condition holds, else infinity."""
-    return ca.if_else(condition, 0, ca.inf)
-
-
-def product(factors: ca.SX) -> ca.SX:
-    """Return the product of the elements of a column."""
-    return reduce(operator.mul, ca.vertsplit(factors))

@@ -17,7 +17,8 @@ from linkwork.equations.algebra import SX, matrix_quaternion
 from linkwork.equations.chart import Chart
 from linkwork.equations.effects import rotation_vector
 from linkwork.equations.elimination import solve, weakest
-from linkwork.equations.equations import conditions, solve_symmetric
+from linkwork.equations.equations import conditions
+from linkwork.equations.symmetric import solve_symmetric
 from linkwork.equations.task import task_map
 from linkwork.equations.tree import Tree
 from linkwork.errors import LinkworkError
