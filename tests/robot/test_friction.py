@@ -190,6 +190,6 @@ def test_an_explicit_method_that_is_asked_for_is_kept_and_the_sentence_names_fri
         robot.home.with_rates([1.5]), duration=5.0, max_steps=3000, method="dormand_prince"
     )
     assert run.status is lw.Status.TOO_MANY_STEPS
-    assert 'take method="rodas" where a spring, damper, dry friction' in run.message
+    assert 'take method="rodas", for the dry friction of slide is stiff there' in run.message
     stiff = robot.simulate(robot.home.with_rates([1.5]), duration=5.0, max_steps=30, method="rodas")
     assert "rodas" not in stiff.message
