@@ -87,7 +87,7 @@ PROGRAMS: Mapping[str, PartProgram] = {
         lambda robot: uncharted.closure(robot.equations), ("q",), ("phi", "Phi", "gap")
     ),
     "free_forces": PartProgram(
-        lambda robot: uncharted.forces(robot.equations),
+        expressions.free_forces,
         ("q", "w", "u"),
         ("dq", "H", "forces", "gamma"),
     ),

@@ -12,7 +12,7 @@ from math import prod
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import body_motion, functions
+from linkwork.equations import body_motion, functions, uncharted
 from linkwork.equations.algebra import SX, matrix_quaternion
 from linkwork.equations.chart import Chart
 from linkwork.equations.effects import rotation_vector
@@ -176,6 +176,14 @@ def pose(robot: Robot) -> ca.Function:
 def rates(robot: Robot) -> ca.Function:
     """Return (q, v) -> the rates w of the tree's joints, pivot."""
     return functions.tree_rates(robot.equations)
+
+
+def free_forces(robot: Robot) -> ca.Function:
+    """Return (q, w, u) -> q', H, the forces S' u + f - h, and gamma, with every rate of the tree as
+    an independent one."""
+    free, u = uncharted.uncharted(robot.equations), SX.sym("u", len(robot.actuators))
+    outputs = uncharted.balance(free, ca.mtimes(free.actuation.T, u))
+    return functions.function("free_forces", free, outputs, v=free.v, u=u)
 
 
 def require_single(robot: Robot) -> None:
