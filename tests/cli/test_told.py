@@ -10,7 +10,7 @@ import typer
 
 import linkwork as lw
 from linkwork.cli import app
-from linkwork.cli.commands import MethodOption
+from linkwork.cli.motion_commands import MethodOption
 from linkwork.cli.options import files_like, robots_like
 from linkwork.cli.terminal import broken, console, plain, table, tidy
 from linkwork.simulation.methods import METHODS

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.cli.commands import OnSingular, simulate
+from linkwork.cli.motion_commands import OnSingular, simulate
 from linkwork.robot.facade import ACTING, OPTIONS
 from linkwork.runs.accuracy import tightened
 from linkwork.runs.settings import ON_SINGULAR, Settings

@@ -125,3 +125,4 @@ PackagePath = Annotated[
         help="Where package:// and model:// are looked for, as in ROS_PACKAGE_PATH.",
     ),
 ]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a file that exists.")]

@@ -34,7 +34,6 @@ from math import pi
 
 import casadi as ca
 import numpy as np
-from scipy.special import elliprd
 
 from linkwork.equations.algebra import SX, cross, dot, present, rotation_matrix, vector
 from linkwork.equations.tree import Node, Tree, offset
@@ -145,6 +144,8 @@ def on_ellipsoid(drag: EllipsoidDrag, fluid: Fluid, omega: ca.SX, u: ca.SX) -> t
 def added(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the mass [m^3] and the inertia [m^5] of the fluid that an ellipsoid with the half axes
     a carries along, by axis, for a density of one."""
+    from scipy.special import elliprd
+
     volume, square = 4 / 3 * pi * a.prod(), a**2
     near, far = np.roll(square, -1), np.roll(square, -2)
     k = 2 / 3 * a.prod() * elliprd(near, far, square)

@@ -1,0 +1,142 @@
+"""Commands that show a mechanism and write it: `info`, `robots`, `export`, `convert`."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from linkwork.cli.options import (
+    Floating,
+    IncludeRoot,
+    Json,
+    Merging,
+    Overwrite,
+    PackagePath,
+    Reference,
+    RobotName,
+)
+from linkwork.cli.source import Source
+
+
+class ExportFormat(StrEnum):
+    """What `export` writes."""
+
+    yaml = "yaml"
+    c = "c"
+
+
+class Precision(StrEnum):
+    double = "double"
+    float = "float"
+
+
+class Sines(StrEnum):
+    polynomial = "polynomial"
+    libm = "libm"
+
+
+def info(
+    robot: RobotName,
+    reference: Reference = None,
+    floating: Floating = False,
+    packages: PackagePath = None,
+    merging: Merging = True,
+    includes: IncludeRoot = None,
+    json: Json = False,
+) -> None:
+    """Show a robot: mobility, joints, loops, redundant rows, limits, springs, sizes of the compiled
+    functions."""
+    from linkwork.cli.info import show
+
+    show(Source(robot, reference, floating, packages, merging, includes), json)
+
+
+def robots(json: Json = False) -> None:
+    """List the robots of the catalogue."""
+    from linkwork.cli.catalogue import show
+
+    show(json)
+
+
+def export(
+    robot: RobotName,
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="FILE.yaml", help="The mechanism file to write, with --to yaml."),
+    ] = None,
+    to: Annotated[ExportFormat, typer.Option(help="A mechanism file, or C99.")] = ExportFormat.yaml,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="C: the folder for its files.")
+    ] = None,
+    functions: Annotated[
+        str | None,
+        typer.Option(metavar="NAMES", help="C: the functions, 'motion,jacobian'; all if left out."),
+    ] = None,
+    precision: Annotated[Precision, typer.Option(help="C: of all numbers.")] = Precision.double,
+    sines: Annotated[
+        Sines, typer.Option(help="C: the kernels' polynomials, or the C library's.")
+    ] = Sines.polynomial,
+    free: Annotated[
+        str | None,
+        typer.Option(metavar="PATHS", help="C: numbers that stay free, 'platform.mass,gravity.z'."),
+    ] = None,
+    name: Annotated[
+        str | None,
+        typer.Option(help="C: what all names begin with; the robot's name if left out."),
+    ] = None,
+    misra: Annotated[
+        bool, typer.Option("--misra", help="C: with a note on deviations from MISRA C:2012.")
+    ] = False,
+    reference: Reference = None,
+    floating: Floating = False,
+    packages: PackagePath = None,
+    merging: Merging = True,
+    includes: IncludeRoot = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
+) -> None:
+    """Write a robot as a mechanism file, to be changed and used as ROBOT, or as C99 (--to c)."""
+    from linkwork.cli.exported import export
+
+    source = Source(robot, reference, floating, packages, merging, includes)
+    chosen = {"precision": precision.value, "sines": sines.value, "free": free, "name": name}
+    export(
+        source,
+        to.value,
+        file,
+        out,
+        {"functions": functions, **chosen, "misra": misra},
+        overwrite,
+        json,
+    )
+
+
+def convert(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="A",
+            help="A model file (.xml or .mjcf, .urdf, .sdf, .yaml) or a robot of the catalogue.",
+        ),
+    ],
+    target: Annotated[
+        Path, typer.Argument(metavar="B", help="The file to write: .yaml, or .xml or .mjcf (MJCF).")
+    ],
+    reference: Reference = None,
+    floating: Floating = False,
+    packages: PackagePath = None,
+    merging: Merging = True,
+    includes: IncludeRoot = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
+) -> None:
+    """Turn a model file into another: MJCF, URDF or SDF into a mechanism file, that into MJCF.
+
+    What the other format does not hold is said, sentence by sentence.
+    """
+    from linkwork.cli.convert import convert
+
+    convert(
+        Source(source, reference, floating, packages, merging, includes), target, overwrite, json
+    )
