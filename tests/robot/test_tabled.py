@@ -206,3 +206,39 @@ def test_what_asks_for_the_chart_itself_is_compiled_for_it(monkeypatch):
         robot.observe(state).actuation_determinant, np.linalg.det(robot.actuation(state)), 1e-9
     )
     np.testing.assert_allclose(robot.observe(state).positions, state.positions, atol=1e-12)
+
+
+def test_forces_along_the_task_are_those_of_compiled_charts(monkeypatch):
+    """The task's Jacobian by the actuators needs a chart's own independent rates."""
+
+    def pulled(t, state):
+        return dict(
+            zip(state.names.actuators, state.task_jacobian.T @ [1.0, 0.5, 0.0], strict=True)
+        )
+
+    mechanism, found = lw.robots.rrr3(), []
+    tools = {
+        name: tool.model_copy(update={"task": ("x", "y", "rz")})
+        for name, tool in mechanism.tools.items()
+    }
+    for large in (10**9, 0):
+        monkeypatch.setattr(charts, "LARGE", large)
+        robot = lw.Robot(mechanism.model_copy(update={"tools": tools}))
+        start = robot.home.with_rates([4.0, -3.0, 2.0])
+        run = robot.simulate(start, forces=pulled, duration=1.0, rtol=1e-10, atol=1e-12)
+        assert run.success and len(robot.run_charts) > 1
+        found.append(run["joint_position"].values[-1])
+    np.testing.assert_allclose(*found, atol=1e-8)
+
+
+def test_what_a_table_began_to_measure_is_measured_to_the_end(monkeypatch):
+    """Also where the chart was used for so long meanwhile that it got kernels of its own."""
+    monkeypatch.setattr(charts, "LARGE", 0)
+    robot = lw.Robot(lw.robots.rrr3())
+    start = robot.home.with_rates([4.0, -3.0, 2.0])
+    runs = [robot.simulate(start, duration=0.3, save_at=[0.3]) for _ in range(2)]
+    expected = runs[0]["joint_acceleration"].values
+    assert runs[1]["kinetic_energy"].size
+    for chart in robot.run_charts.values():
+        chart.count(charts.OWN)
+    np.testing.assert_array_equal(runs[1]["joint_acceleration"].values, expected)

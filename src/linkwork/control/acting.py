@@ -22,7 +22,7 @@ from linkwork import checks
 from linkwork.control.continued import Followed
 from linkwork.control.drives import Drive, Extra, Ideal
 from linkwork.control.events import Event
-from linkwork.control.observation import Names, Quantity
+from linkwork.control.observation import OF_CHARTS, Names, Quantity
 from linkwork.control.sampler import Sampler
 from linkwork.control.timely import Timely, timely
 from linkwork.control.tracing import CONTROLLER, Law, Reference, Tracer, column, shown
@@ -71,7 +71,7 @@ class Acting:
     @property
     def charted(self) -> bool:
         """Whether what is read depends on the choice of independent rates."""
-        return any(quantity.kind == "actuation_determinant" for quantity in self.quantities)
+        return any(quantity.kind in OF_CHARTS for quantity in self.quantities)
 
     @property
     def held(self) -> int:

@@ -29,6 +29,8 @@ from linkwork.mechanism.limits import meetings
 from linkwork.mechanism.sticking import Strain, strains
 from linkwork.mechanism.task import labels
 
+OF_CHARTS = ("actuation_determinant", "task_jacobian")  # kinds that read a chart's own rates
+
 
 class Quantity(NamedTuple):
     """Name a measurable quantity: its kind, and which one of them.

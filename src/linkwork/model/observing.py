@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from linkwork.control.observation import Names, Observation, Quantity, Readings, expression
+from linkwork.control.observation import (
+    OF_CHARTS,
+    Names,
+    Observation,
+    Quantity,
+    Readings,
+    expression,
+)
 from linkwork.equations import Equations, functions
 from linkwork.errors import LinkworkError
 from linkwork.model.charts import CompiledChart
@@ -21,7 +28,6 @@ if TYPE_CHECKING:
     from linkwork.model.model import Model
 
 JOINTS = ("position", "rate")
-OF_CHARTS = ("actuation_determinant", "task_jacobian")  # kinds that read a chart's own rates
 
 
 def observation(

@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
 
 from linkwork.equations import Equations
 from linkwork.equations.powers import contacts, powers
-from linkwork.kernels.bound import BoundFunction
 from linkwork.model import dexterity, task
 from linkwork.model.charts import CompiledChart
 from linkwork.model.reactions import Samples, transmitted
@@ -156,7 +155,7 @@ class SavedStates:
     def v_dot(self) -> np.ndarray:
         """Accelerations of the independent rates (K, n)."""
         if self._told:
-            motion = cast(BoundFunction, self.system.single(self.chart, "motion"))
+            motion = self.system.by_table(self.chart, "motion")
             rows = motion.rows(self.q, self.v, self.z, self.u, self.p)
             return rows[:, self.q.shape[1] :][:, : self.v.shape[1]]
         if self.system.acting is not None:

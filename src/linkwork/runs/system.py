@@ -136,8 +136,12 @@ class System:
         table in charts of which these are told by tables."""
         if self.acting is None:
             return chart.single(name)
-        if not self.told(chart):
-            return self.kernel(chart, name)
+        return self.by_table(chart, name) if self.told(chart) else self.kernel(chart, name)
+
+    def by_table(self, chart: CompiledChart, name: str) -> BoundFunction:
+        """Return what evaluates one state by a table, however often the chart was used."""
+        if self.acting is None:
+            return chart.by_table(name)
         entry, asked = ("motion", "balance") if name == "motion" else ("seen", name)
         return chart.by_table(entry, self.kernel(chart.free, asked))
 
