@@ -43,6 +43,30 @@ def test_frames_show_the_run_at_their_times(slider, tmp_path):
         assert_pushed(ImageSequence.Iterator(found))
 
 
+def test_a_motion_is_shown_at_its_times(slider, tmp_path):
+    """Speeding up by 0.8 m/s^2 for half a second, on at 0.4 m/s, and slowing down likewise."""
+    robot, run = slider
+    limits = lw.motions.AxisLimits(speed=0.4, acceleration=0.8)
+    timed = lw.motions.point_to_point(robot.home, {"x": 0.4}, limits, law="trapezoidal")
+    motion = lw.motions.follow(robot, timed, samples=151)
+    for over, name in ((run, "run.gif"), (motion, "motion.gif")):
+        path = write_video(robot, motion, tmp_path / name, fps=10, over=over)
+        with Image.open(path) as found:
+            places = np.array([spots(frame)[1] for frame in ImageSequence.Iterator(found)])
+        time = np.linspace(0, 1.5, 16)
+        way = np.where(time < 0.5, 0.4 * time**2, 0.4 * time - 0.1)
+        way = np.where(time > 1, 0.4 - 0.4 * (1.5 - time) ** 2, way)
+        assert (places - places[0]) / np.ptp(places) == pytest.approx(way / 0.4, abs=0.02)
+
+
+def test_what_is_no_motion_is_refused(slider, tmp_path):
+    robot, run = slider
+    with pytest.raises(LinkworkError, match="the motion is 3; give a run, or a motion along"):
+        write_video(robot, 3, tmp_path / "x.gif")
+    with pytest.raises(LinkworkError, match="the motion is 'x'; give a run"):
+        write_video(robot, run, tmp_path / "x.gif", over="x")
+
+
 def assert_pushed(frames) -> None:
     """Hold what eleven frames show against the closed solution."""
     places = np.array([spots(frame) for frame in frames])

@@ -28,7 +28,7 @@ from linkwork.scene.rails import along, rails_of
 from linkwork.scene.scene import upwards
 from linkwork.simulation import Run
 from linkwork.views.glb import Glb
-from linkwork.views.motion import nearest_samples, run_states, states_of
+from linkwork.views.motion import nearest_samples, timed_states
 
 FPS = 30.0
 MOST = 20_000  # keys
@@ -81,9 +81,7 @@ def keys_of(robot: Robot, motion: Run | Motion | State, fps: float) -> tuple[np.
             f"a stack of states of shape {motion.batch} has no times; give a run, a motion or one "
             "state"
         )
-    drawn = motion.smooth if isinstance(motion, Run) else motion
-    states = run_states(robot, drawn) if isinstance(drawn, Run) else states_of(robot, drawn)
-    time = np.asarray(drawn.time, float)
+    time, states = timed_states(robot, motion)
     count = int(np.ptp(time) * fps) + 2
     if min(count, len(time)) > MOST:
         raise LinkworkError(

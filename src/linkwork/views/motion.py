@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from linkwork.checks import shown
 from linkwork.errors import LinkworkError
 from linkwork.robot import Motion, Robot, State
 from linkwork.scene.colours import BLUE
@@ -70,6 +71,19 @@ def states_of(robot: Robot, motion: Run | Motion | State) -> State:
             f"a stack of states of shape {states.batch} is no motion; give one dimension, not empty"
         )
     return states
+
+
+def timed_states(robot: Robot, motion: Run | Motion) -> tuple[np.ndarray, State]:
+    """Return the times (K,) [s] of a motion's samples, and the states (K,) at these; of a run those
+    that it shows smoothly.
+
+    Raises:
+        LinkworkError: neither a run nor a motion; one of another robot, or without samples.
+    """
+    if not isinstance(motion, Run | Motion):
+        raise LinkworkError(f"the motion is {shown(motion)}; give a run, or a motion along a path")
+    drawn = motion.smooth if isinstance(motion, Run) else motion
+    return np.asarray(drawn.time, float), states_of(robot, drawn)
 
 
 def run_states(robot: Robot, run: Run) -> State:

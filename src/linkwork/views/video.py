@@ -1,5 +1,5 @@
-"""A video of a run: the mechanism as pictures draw it, one frame after the other, seen from one
-place.
+"""A video of a run or motion: the mechanism as pictures draw it, one frame after the other, seen
+from one place.
 
 GIF is written by Pillow, MP4 by ffmpeg: the one that is installed, or that which comes with the
 extra `video`.
@@ -16,13 +16,13 @@ import numpy as np
 
 from linkwork.checks import file_path
 from linkwork.errors import LinkworkError
-from linkwork.robot import Robot, State
+from linkwork.robot import Motion, Robot, State
 from linkwork.scene.scene import scene_of
 from linkwork.simulation import Run
 from linkwork.views import plane, space
 from linkwork.views.canvas import Canvas
 from linkwork.views.drawing import new_axes, paint
-from linkwork.views.motion import nearest_samples, run_states
+from linkwork.views.motion import nearest_samples, timed_states
 from linkwork.views.style import styled
 
 MOST = 600  # frames
@@ -34,23 +34,23 @@ AROUND = 0.06  # room about a plane mechanism, relative to its size
 
 def write_video(
     robot: Robot,
-    run: Run,
+    run: Run | Motion,
     path: str | Path,
     *,
     fps: float = 20.0,
     speed: float = 1.0,
-    over: Run | None = None,
+    over: Run | Motion | None = None,
 ) -> Path:
-    """Write a run as a video; a file that exists is replaced.
+    """Write a run, or a motion along a path, as a video; a file that exists is replaced.
 
     Args:
         robot: whose run it is.
-        run: the run; frames show its saved samples, and those between them where it can be run
-            again.
+        run: the run, of which frames show the saved samples, and those between them where it can be
+            run again; or a motion, of which they show the samples.
         path: of the video, ending in .gif, or in .mp4 where there is ffmpeg.
         fps: frames per second of the video, up to 50.
         speed: seconds of the run in one second of the video.
-        over: another run of the robot, which is shown faintly at the same times.
+        over: another run or motion of the robot, which is shown faintly at the same times.
 
     Returns:
         The path.
@@ -66,8 +66,7 @@ def write_video(
             bound = f" up to {most}" if most < np.inf else ""
             raise LinkworkError(f"{name} is {value!r}; give a number above 0{bound}")
     writer = writer_for(path, fps)
-    drawn = run.smooth
-    states, time = run_states(robot, drawn), np.asarray(drawn.time, float)
+    time, states = timed_states(robot, run)
     length = float(np.ptp(time)) / speed
     if not length > 0:
         raise LinkworkError("the run has no length in time; there is nothing to move")
@@ -82,8 +81,8 @@ def write_video(
     chosen, order = np.unique(nearest_samples(time, shown), return_inverse=True)
     faint = None
     if over is not None:
-        other = over.smooth
-        faint = run_states(robot, other).at(nearest_samples(np.asarray(other.time, float), shown))
+        other, moved = timed_states(robot, over)
+        faint = moved.at(nearest_samples(other, shown))
     try:
         with styled():
             draw_all(robot, states.at(chosen), order, faint, writer, path)
