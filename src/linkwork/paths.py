@@ -79,8 +79,8 @@ def circle(
     Args:
         centre: (x, y) or (x, y, z) of the circle [m].
         radius: [m].
-        orientation: constant angle, or rotation vector in space [rad]; left out: the tool's
-            orientation is not prescribed.
+        orientation: constant angle, or rotation vector in space [rad]; of a tool whose task has
+            fewer coordinates after x, y, z, these, such as the one rz; left out: not prescribed.
         start: angle of the first point, from x [rad].
         turns: number of turns, negative for clockwise.
         law: motion law.
@@ -90,12 +90,7 @@ def circle(
         checks.positive(radius, "the radius"),
         checks.number(start, "the angle of the first point"),
     )
-    turn = np.atleast_1d(
-        checks.finite(() if orientation is None else orientation, "the orientation")
-    )
-    fixed = np.concatenate(
-        [middle[2:], finite("the orientation", turn.tolist(), (0, 2 * middle.size - 3))]
-    )
+    fixed = np.concatenate([middle[2:], fixed_orientation(orientation, middle.size)])
     sweep = 2 * np.pi * checks.number(turns, "the number of turns")
 
     def curve(s: np.ndarray) -> Triple:
@@ -114,7 +109,7 @@ def helix(
     centre: Sequence[float],
     radius: float,
     rise: float,
-    orientation: Sequence[float] | None = None,
+    orientation: float | Sequence[float] | None = None,
     *,
     start: float = 0.0,
     turns: float = 1.0,
@@ -125,7 +120,7 @@ def helix(
     Args:
         centre: (x, y, z) of the axis at the height of the first point [m].
         radius: [m]; rise: along z over the whole path, negative for down [m].
-        orientation: constant rotation vector [rad]; left out: not prescribed.
+        orientation: as of a circle.
         start: angle of the first point, from x [rad].
         turns: number of turns, negative for clockwise.
         law: motion law.
@@ -157,8 +152,8 @@ def arc(
 
     Args:
         start, via, end: (x, y) or (x, y, z) [m].
-        orientation: constant angle, or rotation vector in space [rad]; left out: the tool's
-            orientation is not prescribed.
+        orientation: constant angle, or rotation vector in space [rad]; of a tool whose task has
+            fewer coordinates after x, y, z, these, such as the one rz; left out: not prescribed.
         law: motion law.
 
     Raises:
@@ -167,8 +162,7 @@ def arc(
     first = finite("the start", start, (2, 3))
     size = first.size
     others = finite("the point between", via, (size,)), finite("the end", end, (size,))
-    turn = np.atleast_1d(() if orientation is None else orientation).tolist()
-    fixed = finite("the orientation", turn, (0, 2 * size - 3))
+    fixed = fixed_orientation(orientation, size)
     # The circle through three points.
     points = [np.append(point, np.zeros(3 - size)) for point in (first, *others)]
     u, w = points[1] - points[0], points[2] - points[0]
@@ -252,6 +246,13 @@ def swing(start: float, amplitude: float, *, swings: float = 1.0, law: Law = res
     return Path(curve, law)
 
 
+def fixed_orientation(orientation: float | Sequence[float] | None, size: int) -> np.ndarray:
+    """Return the fixed numbers that follow those of a place: none or an angle in the plane, up to
+    three in space."""
+    given = checks.finite(() if orientation is None else orientation, "the orientation")
+    return finite("the orientation", np.atleast_1d(given).tolist(), tuple(range(2 * size - 2)))
+
+
 def finite(what: str, values: Sequence[float], sizes: tuple[int, ...] = ()) -> np.ndarray:
     """Return finite numbers, as many as one of some sizes where there are any."""
     try:
@@ -260,7 +261,8 @@ def finite(what: str, values: Sequence[float], sizes: tuple[int, ...] = ()) -> n
         array = np.empty((0, 0))
     fits = array.size in sizes if sizes else array.size > 0
     if array.ndim != 1 or not fits or not np.isfinite(array).all():
-        counts = " or ".join(map(str, sizes)) or "the tool's coordinates as"
+        *most, last = map(str, sizes or ("the tool's coordinates as",))
+        counts = f"{', '.join(most)} or {last}" if most else last
         given = np.ravel(array).tolist() if array.size else values
         raise LinkworkError(f"{what} is {checks.shown(given)}; give {counts} finite numbers")
     return array

@@ -5,6 +5,8 @@ import pytest
 
 from linkwork import LinkworkError, paths
 
+from tests.catalogue import built
+
 S = np.linspace(0, 1, 201)
 
 
@@ -43,13 +45,33 @@ def test_a_helix_climbs_evenly():
 
 
 @pytest.mark.parametrize(
+    "path",
+    [
+        paths.circle([0, 0, -0.65], 0.1, 0.3),
+        paths.helix([0, 0, -0.65], 0.1, 0.05, 0.3),
+        paths.arc([0.1, 0, -0.65], [0, 0.1, -0.65], [-0.1, 0, -0.65], 0.3),
+    ],
+)
+def test_a_tool_that_turns_about_the_vertical_alone_keeps_its_angle(path):
+    """The Par4 is led in x, y, z, rz: one number after the place."""
+    robot = built("par4")
+    motion = robot.follow(path, 1.0, samples=21)
+    assert motion.what == ("x", "y", "z", "rz") and (motion.tool[:, 3] == 0.3).all()
+    pose = robot.tool_pose(motion.state)
+    assert np.linalg.norm(pose[:, :2], axis=1) == pytest.approx(0.1, abs=1e-12)
+    assert pose[:, 3:] == pytest.approx(np.tile([0, 0, 0.3], (21, 1)), abs=1e-12)
+
+
+@pytest.mark.parametrize(
     ("call", "said"),
     [
         (lambda: paths.arc([0, 0], [1, 1], [2, 2]), "lie in a line"),
         (lambda: paths.arc([0, 0], [1, 1], [0, 0]), "lie in a line"),
         (lambda: paths.arc([0, 0], [1, 1, 1], [2, 0]), "the point between is"),
         (lambda: paths.arc([0, 0], [1, np.nan], [2, 0]), "the point between is"),
-        (lambda: paths.arc([0, 0], [1, 1], [2, 0], [1, 2]), "the orientation is"),
+        (lambda: paths.arc([0, 0], [1, 1], [2, 0], [1, 2]), r"is \[1.0, 2.0\]; give 0 or 1 finite"),
+        (lambda: paths.circle([0, 0, 0], 1, [1] * 4), "give 0, 1, 2 or 3 finite numbers"),
+        (lambda: paths.circle([0, 0], 1, "up"), "the orientation is 'up'"),
         (lambda: paths.helix([0, 0], 1, 1), "the centre is"),
         (lambda: paths.helix([0, 0, 0], 0, 1), "the radius is 0"),
         (lambda: paths.helix([0, 0, 0], 1, np.nan), "the rise is nan"),

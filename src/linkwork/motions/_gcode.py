@@ -24,7 +24,7 @@ from linkwork.errors import LinkworkError
 from linkwork.motions.laws import AxisLimits, MotionLaw, law_of
 from linkwork.motions.profiles import Profile
 from linkwork.motions.timed_paths import TimedPath, lawful, limits_of
-from linkwork.paths import Path, Triple, finite
+from linkwork.paths import Path, Triple, finite, fixed_orientation
 
 AXES = ("X", "Y", "Z")
 OFFSETS = ("I", "J", "K")  # of an arc's centre, along these axes
@@ -119,7 +119,7 @@ def gcode(
             the acceleration and jerk along it.
         start: where the tool is at first, (x, y) or (x, y, z) [m]; left out: where the first move
             leads to.
-        orientation: constant angle, or rotation vector in space [rad]; left out: not prescribed.
+        orientation: as of `linkwork.paths.circle`.
         law: of each stretch between two stops, as for `point_to_point`.
         planar: for a robot in the plane: without Z.
 
@@ -130,8 +130,7 @@ def gcode(
         raise LinkworkError(f"the list is {checks.shown(text)}; give its text")
     size = 2 if planar else 3
     # What is fixed, and where the tool is at first.
-    fixed = np.atleast_1d(() if orientation is None else orientation).tolist()
-    turn = finite("the orientation", fixed, (0, 2 * size - 3))
+    turn = fixed_orientation(orientation, size)
     bounds = limits_of(limits).of((), 1)[:, 0]
     begun = None if start is None else np.resize(finite("the start", start, (size,)), 3)
     if begun is not None and planar:

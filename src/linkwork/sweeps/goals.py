@@ -68,7 +68,8 @@ class Circle(AlongPath):
     centre: Numbers = Field(description="the centre [m]")
     radius: Real = Field(description="the radius [m]")
     orientation: Real | Numbers | None = Field(
-        default=None, description="angle, or rotation vector [rad]"
+        default=None,
+        description="angle, or rotation vector [rad], or what the tool's task has of it",
     )
     turns: Real = Field(default=1.0, description="number of turns")
 
