@@ -60,6 +60,9 @@ def test_without_a_word_chunks_are_as_long_as_memory_likes():
         ("duration: 0.5", "durations: 1", (
             "line 4: durations: is not a known field (did you mean duration?)"
         )),
+        ("duration: 0.5", "package: .", (
+            "line 4: package: is not a known field (did you mean packages?); the fields here are "
+        )),
         ("{rail: 3}", "{rial: 3}", (
             "line 5: forces.rial: there is no actuator 'rial'; there are rail"
         )),

@@ -29,7 +29,7 @@ from linkwork.simulation import METHODS, integrator
 from linkwork.sweeps.controllers import AnyController
 from linkwork.sweeps.designs import AnyDesign, AnyVariation, Grid
 from linkwork.sweeps.outputs import Output, require_quantity
-from linkwork.sweeps.study_robot import with_robot
+from linkwork.sweeps.study_robot import require_known, with_robot
 
 FORMAT_VERSION = 1
 MAX_BYTES = 1_000_000
@@ -296,6 +296,7 @@ def _text(path: Path) -> str:
 
 def _study(root: DocumentNode, folder: Path) -> Study:
     def make(**fields: Any) -> Study:
+        require_known(fields, tuple(Study.model_fields))
         return Study(**with_robot(fields, folder))
 
     return described(root, "study", FORMAT_VERSION, "study", make)

@@ -17,6 +17,15 @@ ROOTS = {"fixed": False, "floating": True}
 READING = (ROOT, *FOLDERS)  # keys that say how a model file is read
 
 
+def require_known(fields: Iterable[str], own: tuple[str, ...]) -> None:
+    """Refuse names that are neither a study's own fields nor say how its model file is read."""
+    known = (*own, *READING)
+    for name in fields:
+        if name not in known:
+            fix = f"{suggestion(name, known)}; the fields here are {', '.join(known)}"
+            raise MechanismError(f"is not a known field{fix}", (name,))
+
+
 def with_robot(fields: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Return a study's fields with the mechanism in place of its name and of how it is read, and
     the reference in numbers; paths are from the study's folder."""
