@@ -153,6 +153,8 @@ def test_what_is_written_beside_the_source():
         *("CMakeLists.txt", "robot_3_prr.pc.in", "README.md", "MISRA.md"),
     }
     assert "`robot_3_prr_jacobian`: Task Jacobian" in files["README.md"]
+    assert "(CMake: `-D ROBOT_3_PRR_SAME_NUMBERS=ON`)" in files["README.md"]
+    assert not any(re.search("LW_|lw_", text) for text in files.values())
     assert "MISRA.md" not in lw.export.c(built("prr3"), ["motion"]).files
     for text in files.values():
         assert not re.search(r"\b(lw|LW)_", text)
