@@ -158,3 +158,34 @@ actuators: [a]
     water = "fluid: {density: 1000}\ndrags: {r: {type: box, body: rod, size: [0.6, 0.1, 0.1]}}\n"
     assert lw.Robot(lw.Mechanism.parse(coupled)).equations.idle
     assert not lw.Robot(lw.Mechanism.parse(coupled + water)).equations.idle
+
+
+def test_wind_has_no_natural_modes_where_it_has_no_potential():
+    """Its forces follow how boxes lie: going round a small way in the pose they do work."""
+    body = lw.Body(mass=1.0, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
+    frame = lw.Frame(position=(0.5, 0, 0))
+    drags = {name: BoxDrag(body=name, frame=frame, size=(1.0, 0.5, 0.5)) for name in "ab"}
+
+    def hanging(wind: float) -> lw.Robot:
+        joints = {
+            "h": lw.RevoluteJoint(connects=("ground", "a")),
+            "k": lw.RevoluteJoint(
+                connects=("a", "b"), frames=(lw.Frame(position=(1.0, 0, 0)), lw.Frame())
+            ),
+        }
+        return lw.Robot(
+            lw.Mechanism(
+                bodies={"a": body, "b": body},
+                joints=joints,
+                gravity=(0, -9.81, 0),
+                fluid=Fluid(density=1.2, wind=(wind, 0, 0)),
+                drags=drags,
+            )
+        )
+
+    still, blown = hanging(0.0), hanging(6.0)
+    assert lw.analysis.natural_modes(still, lw.analysis.equilibrium(still).state).stable
+    held = lw.analysis.equilibrium(blown, guess=blown.state({"h": -1.0, "k": 0.1}), stable=False)
+    assert abs(held.stiffness[0, 1] - held.stiffness[1, 0]) > 0.01 * abs(held.stiffness).max()
+    with pytest.raises(lw.LinkworkError, match="wind the stiffness is not symmetric"):
+        lw.analysis.natural_modes(blown, held.state)

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.equations.fluid import felt
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.linear import (
@@ -96,7 +97,8 @@ def natural_modes(
             if left out, none without actuators.
 
     Raises:
-        LinkworkError: a state that moves, or that the forces do not hold.
+        LinkworkError: a state that moves, or that the forces do not hold; wind that leaves the
+            stiffness without symmetry.
     """
     from scipy.linalg import eigh
 
@@ -122,10 +124,24 @@ def natural_modes(
             f"{largest(residual):.3g}; find one by analysis.equilibrium, or give the forces that "
             "hold it"
         )
+    refuse_wind(robot, np.linalg.solve(M, (K - K.T) / 2) * units / units[:, None], usual)
     squares = np.where(np.abs(squares) < INDIFFERENT * max(fall, largest(squares)), 0.0, squares)
     frequencies = np.sign(squares) * np.sqrt(np.abs(squares)) / (2 * np.pi)
     joints = robot.rate_map(state) @ shapes
     return NaturalModes(frequencies, shapes, joints, M, K, state.independent, robot.rates)
+
+
+def refuse_wind(robot: Robot, skew: np.ndarray, usual: float) -> None:
+    """Refuse a stiffness without symmetry, which forces of wind have no potential for.
+
+    skew: M^-1 (K - K') / 2 in own units; usual: size of M^-1 K [1/s^2]
+    """
+    blown = felt(robot.mechanism) and any(robot.mechanism.fluid.wind)
+    if blown and largest(skew) > BALANCED * usual:
+        raise LinkworkError(
+            "natural modes are those of forces with a potential, but in the fluid's wind the "
+            "stiffness is not symmetric here; take the poles of robot.linearise(state)"
+        )
 
 
 def stiffness_matrix(
