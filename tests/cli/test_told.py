@@ -117,6 +117,17 @@ def test_studies_are_told_as_plain_data(subject):
     json.loads(result.stdout)
 
 
+def test_rounding_of_stiffnesses_is_shown_as_zero():
+    """Level, with equal springs, a 3-RRS is stiff in z, rx and ry, each by itself."""
+    words = ("--joint-stiffness", "motor_1=1e5,motor_2=1e5,motor_3=1e5")
+    *_, x, y, z, rx, ry, rz = call("analyse", "rrs3", "stiffness", *words).stdout.splitlines()
+    for row in (x, y, rz):
+        assert row.split()[1:] == ["0"] * 6
+    for row, own in ((z, 3), (rx, 4), (ry, 5)):
+        others = row.split()
+        assert float(others.pop(own)) > 1e4 and others[1:] == ["0"] * 5
+
+
 def test_files_that_are_written_are_told_as_plain_data(tmp_path):
     file, model = tmp_path / "robot.yaml", tmp_path / "robot.xml"
     assert json.loads(call("export", "prr3", file, "--json").stdout) == {"written": [str(file)]}

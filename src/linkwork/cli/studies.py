@@ -23,7 +23,7 @@ from linkwork.cli.poses import (
 )
 from linkwork.cli.source import Source
 from linkwork.cli.start import StartOptions
-from linkwork.cli.terminal import console, facts, patience, show_json, table
+from linkwork.cli.terminal import console, facts, patience, show_json, table, tidy
 from linkwork.equations.body_motion import pose_places
 from linkwork.errors import LinkworkError
 from linkwork.model.labels import POSES
@@ -339,6 +339,10 @@ def stiffness(
         told = {"components": names, "stiffness": K[np.ix_(shown, shown)]}
         show_json({"joints": joints_told(robot, state)} | told)
         return
+    # Turns by the robot's own length, so that all are compared in one unit.
+    weights = np.repeat([robot.equations.tree.length, 1.0], 3)
+    units = np.outer(weights, weights)
+    K = tidy(K, np.abs(K / units).max() * units)
     rows = [(labels[i], *(f"{K[i, j]:.4g}" for j in shown)) for i in shown]
     out = console()
     out.print(
