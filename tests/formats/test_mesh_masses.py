@@ -159,7 +159,7 @@ INSIDE_OUT = (
 @pytest.mark.parametrize(
     ("asset", "words"),
     [
-        ('<mesh name="x" file="none.stl"/>', "its file is not in "),
+        ('<mesh name="x" file="none.stl"/>', "its file 'none.stl' is not in "),
         (
             '<mesh name="x" file="broken.stl"/>',
             "its file 'broken.stl' holds no mesh of finite points",

@@ -55,7 +55,7 @@ class MeshAsset:
         except (OSError, ValueError):
             raise LinkworkError(f"its file {shortened(name)} is no path") from None
         if not there:
-            raise LinkworkError(f"its file is not in {str(path.parent)!r}")
+            raise LinkworkError(f"its file {shortened(name)} is not in {str(path.parent)!r}")
         return path
 
     @property
