@@ -187,5 +187,7 @@ def test_wind_has_no_natural_modes_where_it_has_no_potential():
     assert lw.analysis.natural_modes(still, lw.analysis.equilibrium(still).state).stable
     held = lw.analysis.equilibrium(blown, guess=blown.state({"h": -1.0, "k": 0.1}), stable=False)
     assert abs(held.stiffness[0, 1] - held.stiffness[1, 0]) > 0.01 * abs(held.stiffness).max()
+    with pytest.raises(lw.LinkworkError, match="which has no potential, take stable=False"):
+        lw.analysis.equilibrium(blown)
     with pytest.raises(lw.LinkworkError, match="wind the stiffness is not symmetric"):
         lw.analysis.natural_modes(blown, held.state)

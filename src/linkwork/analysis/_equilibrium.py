@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.analysis.newton import random_configurations, solver
 from linkwork.analysis.square import of_joints
+from linkwork.equations.fluid import in_wind
 from linkwork.errors import LinkworkError
 from linkwork.model import checks, closing
 from linkwork.model.evaluation import actuator_weights, internal_forces
@@ -57,7 +58,8 @@ class Equilibrium:
 
     state: at rest; forces: u of the actuators [N, N m]
     stiffness: K (n x n), symmetric, in the coordinates of the state's `independent`
-    residual: largest unbalanced force [N, N m]; stable: whether K is positive definite
+    residual: largest unbalanced force [N, N m]; stable: whether K is positive definite, in wind
+        whether its symmetric part is: the poles of `robot.linearise(state)` tell more there
     """
 
     state: State
@@ -82,7 +84,8 @@ def equilibrium(
         forces: u (actuators) [N, N m], or by name (others zero); zero if left out.
         guess: where to start; `home` if left out.
         stable: look for a stable equilibrium, downhill from the guess; if not, for the nearest one
-            of any kind.
+            of any kind. In the wind of a fluid, whose forces have no potential, downhill may lead
+            nowhere.
 
     Raises:
         LinkworkError: no equilibrium is found from this guess.
@@ -101,10 +104,12 @@ def equilibrium(
                 return Equilibrium(state, u, K, largest(force), positive(K_own))
             state = moved(robot, state, u, step(r, K_own, E, stable) * units, E, stable)
     worst = int(np.argmax(np.abs(r)))
+    other = "choose another guess, or other forces"
+    if stable and in_wind(robot.mechanism):
+        other = "in the fluid's wind, which has no potential, take stable=False"
     raise LinkworkError(
         f"no {'stable ' if stable else ''}equilibrium is found from this guess: "
-        f"{abs(force[worst]):.3g} stays unbalanced on {state.independent[worst]}; choose another "
-        "guess, or other forces"
+        f"{abs(force[worst]):.3g} stays unbalanced on {state.independent[worst]}; {other}"
     )
 
 

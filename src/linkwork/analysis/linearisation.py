@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.equations.fluid import felt
+from linkwork.equations.fluid import in_wind
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.linear import (
@@ -136,8 +136,7 @@ def refuse_wind(robot: Robot, skew: np.ndarray, usual: float) -> None:
 
     skew: M^-1 (K - K') / 2 in own units; usual: size of M^-1 K [1/s^2]
     """
-    blown = felt(robot.mechanism) and any(robot.mechanism.fluid.wind)
-    if blown and largest(skew) > BALANCED * usual:
+    if in_wind(robot.mechanism) and largest(skew) > BALANCED * usual:
         raise LinkworkError(
             "natural modes are those of forces with a potential, but in the fluid's wind the "
             "stiffness is not symmetric here; take the poles of robot.linearise(state)"

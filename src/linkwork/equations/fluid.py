@@ -95,6 +95,11 @@ def felt(mechanism: Mechanism) -> bool:
     )
 
 
+def in_wind(mechanism: Mechanism) -> bool:
+    """Tell whether a fluid that moves acts on anything: its forces have no potential."""
+    return felt(mechanism) and any(mechanism.fluid.wind)
+
+
 def on_box(drag: BoxDrag, fluid: Fluid, omega: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Return force and moment on a box, in its axes."""
     b, (x, y, z) = SX(vector(drag.size)), drag.size
