@@ -2,6 +2,7 @@
 and compiled C."""
 
 import ctypes
+import pickle
 import shutil
 import subprocess
 
@@ -130,6 +131,13 @@ def test_gains_act_alike_on_both_sides(model):
     assert back.kp == pytest.approx(K, abs=1e-9)
     assert back.kd == pytest.approx(2 * np.eye(2), abs=1e-10)
     assert model.joint_gains(state, K).kp != pytest.approx(found.kp, abs=1e-3)
+
+
+def test_a_pickled_model_says_the_same(model):
+    again = pickle.loads(pickle.dumps(model))
+    assert (again.joints, again.motors, again.others) == (model.joints, model.motors, model.others)
+    state = again.at([0.1, -0.05])
+    assert np.array_equal(again.jacobian(state), model.jacobian(model.at([0.1, -0.05])))
 
 
 def test_a_four_bar_knee_on_a_hip():

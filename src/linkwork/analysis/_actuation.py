@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -65,6 +65,10 @@ class ActuationModel:
     others: tuple[str, ...]
     chart: CompiledChart
     about: State
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what makes it again in another process: expressions do not travel."""
+        return again, (self.robot, self.joints, self.motors, self.about)
 
     # Coordinates
 
@@ -399,3 +403,10 @@ def actuation(
     others = tuple(name for name in chart.independent if name not in wanted)
     require_apart(chart, wanted, driven, about.q)
     return ActuationModel(robot, wanted, driven, others, chart, about)
+
+
+def again(
+    robot: Robot, joints: Sequence[str], motors: Sequence[str], about: State
+) -> ActuationModel:
+    """Return a model that was pickled."""
+    return actuation(robot, joints, motors, guess=about)
