@@ -26,6 +26,12 @@ class SingularError(LinkworkError):
     """Refuse a configuration where the actuated rates do not determine the motion."""
 
 
+def weakest(pivot: np.ndarray) -> float:
+    """Return the smallest size of pivots, infinite of none; of one state by plain numbers, which
+    are the quicker ones."""
+    return abs(pivot.item()) if pivot.size == 1 else np.abs(pivot).min(initial=np.inf)
+
+
 def together(*shapes: tuple[int, ...]) -> tuple[int, ...]:
     """Return the common leading dimensions of stacks; refuse stacks of different length."""
     if len(shapes) == 1:

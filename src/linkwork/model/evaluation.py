@@ -187,10 +187,8 @@ def require_regular(
 ) -> None:
     """Refuse results where the rates of the state do not determine the motion, or that are not
     finite."""
-    if pivot.size == 1:  # one state: numbers of Python are the quicker ones
-        weakest, finite = abs(pivot.item()), isfinite(sum(result.ravel().tolist()))
-    else:
-        weakest, finite = np.abs(pivot).min(initial=np.inf), False
+    weakest = checks.weakest(pivot)
+    finite = pivot.size == 1 and isfinite(sum(result.ravel().tolist()))
     if weakest > checks.PIVOT_BOUND and (finite or np.isfinite(result).all()):
         return
     checks.finite(given, what)

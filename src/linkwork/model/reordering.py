@@ -56,9 +56,7 @@ def evaluated(
     """
     found = kernel(chart)(*given)
     pivot = found[-1]
-    if (
-        abs(pivot.item()) if pivot.size == 1 else np.abs(pivot).min(initial=np.inf)
-    ) > checks.PIVOT_BOUND:
+    if checks.weakest(pivot) > checks.PIVOT_BOUND:
         return found
     batch, with_p = pivot.shape[:-1], len(given) == len(kernel(chart).inputs)
     count = prod(batch)

@@ -67,8 +67,9 @@ def taken(
 
 
 def slowing(parts: list[np.ndarray]) -> float:
-    """Return the least factor of the duration by which all limits are kept."""
-    return max(part.max() ** (1 / order) for order, part in enumerate(parts, 1))
+    """Return the least factor of the duration by which all limits are kept, from the parts of them
+    that are taken: of speeds, accelerations and jerks."""
+    return max(float(part.max()) ** (1 / order) for order, part in enumerate(parts, 1))
 
 
 def on_grid(profile: Profile, order: int) -> np.ndarray:

@@ -21,7 +21,7 @@ from linkwork.errors import LinkworkError
 from linkwork.model.state import State
 from linkwork.motions.laws import KINDS, AxisLimits, MotionLaw, law_of
 from linkwork.motions.profiles import Profile, side_by_side, superposed
-from linkwork.motions.spline_times import least_times, spline_through
+from linkwork.motions.spline_times import least_times, slowing, spline_through
 from linkwork.paths import Path, Triple, uniform
 from linkwork.simulation import Sampled, Signal, as_signal
 
@@ -451,11 +451,7 @@ def lawful(law: MotionLaw, distance: float, bounds: Sequence[float] | np.ndarray
 
 def needed(profile: Profile, allowed: np.ndarray) -> float:
     """Return the least factor by which a motion slows to keep limits (3, d)."""
-    factors = [
-        (profile.extremes(order) / limit).max() ** (1 / order)
-        for order, limit in enumerate(allowed, 1)
-    ]
-    return float(max(factors))
+    return slowing([profile.extremes(order) / limit for order, limit in enumerate(allowed, 1)])
 
 
 def sample_count(value: int, least: int = 2) -> int:
