@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,10 @@ from linkwork.cli.caveats import tell
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import patience, show_json
 from linkwork.errors import LinkworkError
+from linkwork.robot import Robot
 
 PLAIN = {
+    "out": None,
     "functions": None,
     "precision": "double",
     "sines": "polynomial",
@@ -21,70 +24,97 @@ PLAIN = {
     "name": None,
     "misra": False,
 }
-"""What the options of C are left out as."""
+"""What the options of some targets are left out as."""
 
 
-def export(
-    source: Source,
-    to: str,
-    file: Path | None,
-    out: Path | None,
-    chosen: Mapping[str, Any],
-    overwrite: bool,
-    as_json: bool,
-) -> None:
-    """Write a robot; chosen: the options of C by name."""
-    if to == "c":
-        export_c(source, file, out, chosen, overwrite, as_json)
-        return
-    given = [f"--{name}" for name, value in chosen.items() if value != PLAIN[name]]
-    given += ["--out"] * (out is not None)
-    if given:
-        raise LinkworkError(f"{given[0]} is of C; give it with --to c")
-    if file is None:
+@dataclass(frozen=True)
+class Export:
+    """Hold what is asked for: a robot, the mechanism file to write, and the options of some
+    targets by name."""
+
+    source: Source
+    file: Path | None
+    chosen: Mapping[str, Any]
+    overwrite: bool
+    as_json: bool
+
+
+@dataclass(frozen=True)
+class Target:
+    """Describe what is written: what it is called, the options that it takes, and what writes
+    it."""
+
+    called: str
+    options: frozenset[str]
+    write: Callable[[Export], None]
+
+
+def export(to: str, asked: Export) -> None:
+    """Write a robot; refuse options of other targets."""
+    for name, value in asked.chosen.items():
+        if value != PLAIN[name] and name not in TARGETS[to].options:
+            able = {key: target for key, target in TARGETS.items() if name in target.options}
+            called = " and ".join(target.called for target in able.values())
+            raise LinkworkError(f"--{name} is of {called}; give it with --to {' or '.join(able)}")
+    TARGETS[to].write(asked)
+
+
+def export_yaml(asked: Export) -> None:
+    """Write a robot as a mechanism file."""
+    if asked.file is None:
         raise LinkworkError("name the mechanism file to write, FILE.yaml, or give --to c --out DIR")
-    mechanism = find(source)
-    if file.suffix.lower() not in formats.NATIVE:
-        raise LinkworkError(f"{file}: a mechanism file ends in .yaml, not {file.suffix!r}")
-    refuse_existing(file, overwrite)
-    mechanism.save(file)
-    tell_written([file], as_json)
+    mechanism = find(asked.source)
+    if asked.file.suffix.lower() not in formats.NATIVE:
+        raise LinkworkError(
+            f"{asked.file}: a mechanism file ends in .yaml, not {asked.file.suffix!r}"
+        )
+    refuse_existing(asked.file, asked.overwrite)
+    mechanism.save(asked.file)
+    tell_written([asked.file], asked.as_json)
 
 
-def export_c(
-    source: Source,
-    file: Path | None,
-    out: Path | None,
-    chosen: Mapping[str, Any],
-    overwrite: bool,
-    as_json: bool,
-) -> None:
+def export_c(asked: Export) -> None:
     """Write a robot as C, and say what was left out."""
     from linkwork.export import c
 
-    if file is not None or out is None:
+    chosen = asked.chosen
+    if asked.file is not None or chosen["out"] is None:
         raise LinkworkError("C is written to a folder; give it as --out DIR")
-    robot = built(source)
-    free = split(chosen["free"])
-    if free:
-        robot = robot.free(*free)
+    robot = freed(asked)
     with patience("writing C"):
         written = c(
             robot,
             split(chosen["functions"]),
-            parameters="free" if free else "fixed",
+            parameters="free" if robot.parameters else "fixed",
             **{each: chosen[each] for each in ("precision", "sines", "name", "misra")},
         )
     for name in written.files:
-        refuse_existing(out / name, overwrite)
-    files = written.write(out)
-    if as_json:
+        refuse_existing(chosen["out"] / name, asked.overwrite)
+    files = written.write(chosen["out"])
+    if asked.as_json:
         show_json({"written": files, "functions": written.functions, "notes": written.notes})
         return
     tell(written.notes)
     tell_written(files, False)
 
 
+def freed(asked: Export) -> Robot:
+    """Return the robot, with the numbers free that are asked to be."""
+    robot, free = built(asked.source), split(asked.chosen["free"])
+    return robot.free(*free) if free else robot
+
+
 def split(names: str | None) -> list[str] | None:
     """Return the names of a list that commas separate."""
     return None if names is None else [name.strip() for name in names.split(",")]
+
+
+TARGETS: Mapping[str, Target] = {
+    "yaml": Target("a mechanism file", frozenset(), export_yaml),
+    "c": Target(
+        "C",
+        frozenset({"out", "functions", "precision", "sines", "free", "name", "misra"}),
+        export_c,
+    ),
+}
+"""What a robot can be written as, by its name on the command line."""

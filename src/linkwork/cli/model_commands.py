@@ -97,19 +97,12 @@ def export(
     json: Json = False,
 ) -> None:
     """Write a robot as a mechanism file, to be changed and used as ROBOT, or as C99 (--to c)."""
-    from linkwork.cli.exported import export
+    from linkwork.cli.exported import Export, export
 
     source = Source(robot, reference, floating, packages, merging, includes)
-    chosen = {"precision": precision.value, "sines": sines.value, "free": free, "name": name}
-    export(
-        source,
-        to.value,
-        file,
-        out,
-        {"functions": functions, **chosen, "misra": misra},
-        overwrite,
-        json,
-    )
+    chosen = {"out": out, "functions": functions, "precision": precision.value, "free": free}
+    chosen |= {"sines": sines.value, "name": name, "misra": misra}
+    export(to.value, Export(source, file, chosen, overwrite, json))
 
 
 def convert(
