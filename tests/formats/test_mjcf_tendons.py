@@ -95,17 +95,18 @@ actuators: [wire, fan]
     assert force == pytest.approx([0, 0, 1.5 * 9.81 - 3 - 4])
 
 
-@pytest.mark.parametrize("led", ["", "inside"])
+@pytest.mark.parametrize("led", ["", "inside", "beside", "from_elsewhere"])
 @pytest.mark.parametrize("kind", ["sphere", "cylinder"])
 def test_a_cable_round_a_surface_has_the_length_that_mujoco_gives_it(kind, led):
     """Inside a surface MuJoCo finds where the cable touches to six digits, and so the length, which
     is least there, to twelve."""
-    random, bent = np.random.default_rng(3), 0
+    random, bent, far = np.random.default_rng(3), 0, {"beside": 1.6, "from_elsewhere": 1.1}
     for _ in range(40):
         radius, quaternion = random.uniform(0.05, 0.3), random.normal(size=4)
         centre, (a, b) = random.normal(size=3) / 10, random.normal(size=(2, 3)) / 2
         away = random.normal(size=3)
-        away *= radius / np.linalg.norm(away) * 0.7
+        away *= radius / np.linalg.norm(away) * far.get(led, 0.7)
+        away *= random.uniform(0.5, 1.5) if led == "from_elsewhere" else 1
         said = {"a": a, "b": b, "centre": centre, "quaternion": quaternion, "s": centre + away}
         said = {name: " ".join(map(repr, map(float, value))) for name, value in said.items()}
         model = mj.MjModel.from_xml_string(
@@ -121,7 +122,9 @@ def test_a_cable_round_a_surface_has_the_length_that_mujoco_gives_it(kind, led):
         mj.mj_forward(model, data)
         X = poses.pose(centre, poses.from_quaternion(*(quaternion / np.linalg.norm(quaternion))))
         surface = {"type": kind, "body": "ground", "radius": radius, "frame": poses.frame_of(X)}
-        surface |= {"inside": True} if led else {}
+        at = "other" if led == "from_elsewhere" else "ground"
+        side = {"body": at, "point": tuple(centre + away)}
+        surface |= {"": {}, "inside": {"inside": True}}.get(led, {"side": side})
         ends = [{"type": "point", "body": "ground", "point": tuple(end)} for end in (a, b)]
         cable = Cable(path=(ends[0], surface, ends[1]))  # pyright: ignore
         found = float(way(cable, lambda _: (ca.SX.eye(3), ca.SX.zeros(3))).length)
@@ -156,7 +159,21 @@ def test_a_cable_led_inside_does_what_it_does_in_mujoco(arm, tmp_path):
 
 
 @pytest.mark.parametrize("side", ["w", "s1"])
-def test_a_side_that_a_cable_is_to_pass_is_warned_of(arm, side):
+def test_a_cable_passes_by_the_side_that_it_does_in_mujoco(arm, tmp_path, side):
+    """Once the side lies on the surface's own body, once on another one."""
     arm.write_text(ARM.replace('<geom geom="drum"/>', f'<geom geom="drum" sidesite="{side}"/>'))
-    (caveat,) = load(arm).mechanism.caveats
-    assert "<spatial 't2'> is left out: round a geom a cable passes the shorter way or" in caveat
+    imported = load(arm)
+    assert not imported.mechanism.caveats and side not in imported.mechanism.tools
+    assert compared(arm, tmp_path) < 1e-12
+    save(imported.mechanism, tmp_path / "again.xml")
+    assert compared(tmp_path / "again.xml", tmp_path) < 1e-12
+
+
+def test_a_side_lies_outside_of_the_surface():
+    ball = {"type": "sphere", "body": "ground", "radius": 0.1}
+    near = ball | {"side": {"body": "ground", "point": (0, 0.05, 0)}}
+    ends = ({"type": "point", "body": "ground"}, {"type": "point", "body": "ground"})
+    with pytest.raises(lw.MechanismError, match="from the centre, within the radius"):
+        Cable(path=(ends[0], near, ends[1]))  # pyright: ignore
+    with pytest.raises(lw.MechanismError, match="has no side; leave one"):
+        Cable(path=(ends[0], near | {"inside": True}, ends[1]))  # pyright: ignore

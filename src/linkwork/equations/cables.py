@@ -11,6 +11,10 @@ one of each sign: the way between them is r times the angle, and the shorter one
 cylinder the way climbs in proportion to its length across the axis. Where the straight line misses
 the circle the cable is straight.
 
+Where it is led by a side, it never crosses the half-line from the centre away from the side: where
+the straight line does not either, it goes round the shorter way if at all; where it does,
+-s = a d_0 + b d_1 with a, b > 0, the cable always goes round the other way.
+
 Where it is led inside, it is bent where the straight line misses the circle, and touches it in one
 point, at equal angles to both parts: with A = r/|d_0|, B = r/|d_1|, and G between d_0 and d_1,
 
@@ -22,7 +26,8 @@ The rate of l is that of the straight parts alone, each between two points that 
 bodies at the moment: to the first order a taut cable does not change its length by where it
 touches. So a unit force along l is a pair of forces at the ends of each straight part.
 
-Source: the tangents and their choice are those of MuJoCo 4 (`mju_wrap`).
+Source: the tangents and their choice are those of MuJoCo 4 (`mju_wrap`), the choice by a side as it
+is observed there.
 """
 
 from __future__ import annotations
@@ -123,8 +128,19 @@ def round_surface(
     # Where it touches; on a cylinder it climbs as it goes.
     if surface.inside:
         t, arc, bent = within(d[0], d[1], surface.radius)
-    else:
+    elif surface.side is None:
         t, arc, bent = circle(d[0], d[1], surface.radius)
+    else:
+        R_side, p_side = place(surface.side.body)
+        s = ca.mtimes(R.T, p_side + ca.mtimes(R_side, vector(surface.side.point)) - centre)
+        t, arc, bent = by_side(d[0], d[1], surface.radius, ca.mtimes(axes.T, s))
+        if surface.side.body != surface.body:
+            inner = within(d[0], d[1], surface.radius)
+            near = ca.sumsqr(s) < surface.radius**2
+            t = tuple(ca.if_else(near, a, b) for a, b in zip(inner[0], t, strict=True))
+            arc, bent = (
+                ca.if_else(near, a, b) for a, b in zip(inner[1:], (arc, bent), strict=True)
+            )
     touching = [ca.mtimes(axes, point) for point in t]
     if isinstance(surface, OverCylinder):
         across = [ca.sqrt(ca.sumsqr(a - b) + TINY**2) for a, b in zip(d, t, strict=True)]
@@ -159,14 +175,45 @@ def circle(first: ca.SX, last: ca.SX, radius: float) -> tuple[tuple[ca.SX, ca.SX
     # The shorter of both ways round whose straight parts do not cross.
     ways = [tangents(first, last, radius, sign) for sign in (1, -1)]
     goods = [goodness(first, last, t) for t in ways]
-    left = goods[0] > goods[1]
-    t = tuple(ca.if_else(left, a, b) for a, b in zip(*ways, strict=True))
-    arc = radius * ca.if_else(left, angle(*ways[0], 1), angle(*ways[1], -1))
+    t, arc = chosen(ways, goods[0] > goods[1], radius)
     # It is bent where both points are outside and the straight way comes too near.
-    nearest = next_to_origin(first, last)
-    outside = ca.logic_and(ca.sumsqr(first) >= radius**2, ca.sumsqr(last) >= radius**2)
-    free = ca.logic_or(ca.sumsqr(nearest) > radius**2, ca.fmax(*goods) <= CROSSED)
-    return (t[0], t[1]), arc, ca.logic_and(outside, ca.logic_not(free))
+    free = ca.logic_or(passes(first, last, radius), ca.fmax(*goods) <= CROSSED)
+    return t, arc, ca.logic_and(outside(first, last, radius), ca.logic_not(free))
+
+
+def by_side(
+    first: ca.SX, last: ca.SX, radius: float, side: ca.SX
+) -> tuple[tuple[ca.SX, ca.SX], ca.SX, ca.SX]:
+    """Return what `circle` does for a cable that is led by a side of the circle."""
+    turned = turn(first, last)
+    behind = ca.logic_and(turned * turn(last, side) > 0, turned * turn(side, first) > 0)
+    left = ca.if_else(behind, turned, -turned) > 0
+    ways = [tangents(first, last, radius, sign) for sign in (1, -1)]
+    t, arc = chosen(ways, left, radius)
+    free = ca.logic_and(passes(first, last, radius), ca.logic_not(behind))
+    return t, arc, ca.logic_and(outside(first, last, radius), ca.logic_not(free))
+
+
+def chosen(
+    ways: list[tuple[ca.SX, ca.SX]], left: ca.SX, radius: float
+) -> tuple[tuple[ca.SX, ca.SX], ca.SX]:
+    """Return the first or the other of both ways round, and its arc."""
+    one, other = (ca.if_else(left, a, b) for a, b in zip(*ways, strict=True))
+    return (one, other), radius * ca.if_else(left, angle(*ways[0], 1), angle(*ways[1], -1))
+
+
+def outside(first: ca.SX, last: ca.SX, radius: float) -> ca.SX:
+    return ca.logic_and(ca.sumsqr(first) >= radius**2, ca.sumsqr(last) >= radius**2)
+
+
+def passes(first: ca.SX, last: ca.SX, radius: float) -> ca.SX:
+    """Tell whether the straight way misses a circle."""
+    return ca.sumsqr(next_to_origin(first, last)) > radius**2
+
+
+def turn(a: ca.SX, b: ca.SX) -> ca.SX:
+    """Return |a| |b| sin of the angle from a to b."""
+    return a[0] * b[1] - a[1] * b[0]
 
 
 def next_to_origin(first: ca.SX, last: ca.SX) -> ca.SX:
@@ -179,7 +226,7 @@ def within(first: ca.SX, last: ca.SX, radius: float) -> tuple[tuple[ca.SX, ca.SX
     """Return what `circle` does for a cable that is led through the circle."""
     lengths = [ca.sqrt(ca.sumsqr(point) + TINY**2) for point in (first, last)]
     A, B = (ca.fmin(radius / length, 1) for length in lengths)
-    turned = first[0] * last[1] - first[1] * last[0]
+    turned = turn(first, last)
     G = ca.atan2(ca.fabs(turned), dot(first, last))
     # Newton's steps from above, where the derivative is least at zero.
     a = ca.fmin(G / ca.fmax(2 - A - B, TINY), ca.pi / 2)
@@ -194,10 +241,9 @@ def within(first: ca.SX, last: ca.SX, radius: float) -> tuple[tuple[ca.SX, ca.SX
     touched = ca.vertcat(
         ca.cos(angle) * x - ca.sin(angle) * y, ca.sin(angle) * x + ca.cos(angle) * y
     )
-    outside = ca.logic_and(*(ca.sumsqr(point) > radius**2 for point in (first, last)))
-    missed = ca.sumsqr(next_to_origin(first, last)) > radius**2
+    missed = passes(first, last, radius)
     opposite = ca.logic_and(ca.fabs(turned) < TINY, dot(first, last) < 0)
-    bent = ca.logic_and(ca.logic_and(outside, missed), ca.logic_not(opposite))
+    bent = ca.logic_and(ca.logic_and(outside(first, last, radius), missed), ca.logic_not(opposite))
     return (touched, touched), SX(0), bent
 
 
@@ -221,16 +267,16 @@ def goodness(first: ca.SX, last: ca.SX, t: tuple[ca.SX, ca.SX]) -> ca.SX:
 def cross_over(a: ca.SX, b: ca.SX, c: ca.SX, d: ca.SX) -> ca.SX:
     """Tell whether the straight parts from a to b and from c to d cross."""
     one, two, apart = b - a, d - c, a - c
-    turn = two[1] * one[0] - two[0] * one[1]
-    safe = ca.if_else(ca.fabs(turn) < TINY, 1, turn)
+    across = two[1] * one[0] - two[0] * one[1]
+    safe = ca.if_else(ca.fabs(across) < TINY, 1, across)
     x = (two[0] * apart[1] - two[1] * apart[0]) / safe
     y = (one[0] * apart[1] - one[1] * apart[0]) / safe
     within = [ca.logic_and(value >= 0, value <= 1) for value in (x, y)]
-    return ca.logic_and(ca.fabs(turn) >= TINY, ca.logic_and(*within))
+    return ca.logic_and(ca.fabs(across) >= TINY, ca.logic_and(*within))
 
 
 def angle(first: ca.SX, last: ca.SX, sign: int) -> ca.SX:
     """Return the angle, from 0 to 2 pi, from one point of a circle to another one way round."""
-    turned = sign * (first[0] * last[1] - first[1] * last[0])
+    turned = sign * turn(first, last)
     found = ca.atan2(-turned, dot(first, last))
     return ca.if_else(found < -GRAZING, found + 2 * ca.pi, found)

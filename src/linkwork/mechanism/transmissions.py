@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
+from math import dist
 from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
@@ -117,7 +118,7 @@ class ViaPoint(Record):
 
 class _Over(Record):
     """Lead a cable round a body's surface, the shorter way, where the straight way between the
-    points before and behind it passes through; or inside it."""
+    points before and behind it passes through; by one side of it; or inside it."""
 
     body: Name = Field(description="name of the body")
     frame: Frame = Field(default=Frame(), description="of the surface, in the body's frame")
@@ -126,6 +127,27 @@ class _Over(Record):
         default=False,
         description="it is led through the surface as through a ring, and touches it from within",
     )
+    side: ViaPoint | None = Field(
+        default=None,
+        description="point by whose side of the surface the cable is led: it never crosses the "
+        "half-line from the centre away from there; one of another body that comes nearer to the "
+        "centre than the radius leads it inside",
+    )
+
+    @model_validator(mode="after")
+    def _leads_by_one_side(self):
+        if self.side is None:
+            return self
+        if self.inside:
+            raise MechanismError("is inside, which has no side; leave one of both out", ("side",))
+        away = dist(self.side.point, self.frame.position)
+        if self.side.body == self.body and away < self.radius:
+            raise MechanismError(
+                f"is {away:g} m from the centre, within the radius of {self.radius:g} m; give a "
+                "point outside, or inside: true",
+                ("side",),
+            )
+        return self
 
 
 class OverSphere(_Over):
@@ -177,8 +199,11 @@ class Cable(LoadedLength):
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """Names of the bodies that it touches, in its order."""
-        return tuple(part.body for part in self.path if not isinstance(part, PulleyBlock))
+        """Names of the bodies that it touches, in its order, and of those that have its sides."""
+        surfaces = (part for part in self.path if isinstance(part, _Over))
+        sides = (part.side.body for part in surfaces if part.side is not None)
+        touched = (part.body for part in self.path if not isinstance(part, PulleyBlock))
+        return (*touched, *sides)
 
 
 class Thrust(Record):

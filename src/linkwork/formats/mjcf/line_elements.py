@@ -56,9 +56,11 @@ def write_cables(sheet: Sheet) -> None:
                 own |= placed(poses.of_frame(part.frame))
                 ET.SubElement(sheet.elements[part.body], "geom", attrib=own)
                 led = ET.SubElement(tendon, "geom", geom=label)
-                if part.inside:
-                    X = sheet.home.poses[part.body] @ poses.of_frame(part.frame)
-                    sheet.site(f"{label}.side", part.body, X)
+                if part.inside or part.side:
+                    centre = ViaPoint(body=part.body, point=part.frame.position)
+                    side = part.side or centre
+                    X = sheet.home.poses[side.body] @ poses.shift(side.point)
+                    sheet.site(f"{label}.side", side.body, X)
                     led.set("sidesite", f"{label}.side")
         write_along(sheet, tendon, line, 0.0)
 

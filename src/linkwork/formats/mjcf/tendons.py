@@ -3,7 +3,7 @@
 tendon of two sites    held: a rod; with stiffness or damping: a spring between two points
 tendon of joints       held: a gear; a combination of coordinates with what acts along it, or
                        that an actuator pulls
-other spatial tendons  cables: with pulleys, and round spheres and cylinders the shorter way
+other spatial tendons  cables: with pulleys, and round spheres and cylinders
 """
 
 from __future__ import annotations
@@ -43,9 +43,6 @@ from linkwork.mechanism import (
 )
 
 Loaded = TypeVar("Loaded", Combination, Cable)
-BESIDE = (
-    "is left out: round a geom a cable passes the shorter way or inside, not by a side (sidesite)"
-)
 Held = tuple[Element, float]  # the equality, and by how much it differs from the length at qpos0
 
 
@@ -164,14 +161,12 @@ class TendonReader:
         if not driven and not _acts(element) and not is_limited(element, self.document):
             self.notes.on(element, "is left out: it neither holds nor pulls")
             return
-        path = self._path(element)
-        if path is not None:
-            name = element.attributes.get("name", f"tendon_{len(self.found.lines) + 1}")
-            cable = element.make(Cable, path=path)
-            self.found.lines[name] = self._loaded(element, cable, self._rests(cable))
+        name = element.attributes.get("name", f"tendon_{len(self.found.lines) + 1}")
+        cable = element.make(Cable, path=self._path(element))
+        self.found.lines[name] = self._loaded(element, cable, self._rests(cable))
 
-    def _path(self, element: Element) -> tuple[CablePart, ...] | None:
-        """Return the way of a cable, or None with a note."""
+    def _path(self, element: Element) -> tuple[CablePart, ...]:
+        """Return the way of a cable."""
         path: list[CablePart] = []
         for part in element.children:
             if part.tag == "site":
@@ -180,16 +175,12 @@ class TendonReader:
             elif part.tag == "pulley":
                 path.append(part.make(PulleyBlock, divisor=part.number("divisor")))
             else:
-                surface = self._surface(part)
-                if surface is None:
-                    self.notes.on(element, BESIDE, alters=True)
-                    return None
-                path.append(surface)
+                path.append(self._surface(part))
         return tuple(path)
 
-    def _surface(self, part: Element) -> OverSphere | OverCylinder | None:
-        """Return the surface of a geom that a cable is led round, or through where its sidesite
-        lies within; None where that is beside it or on another body."""
+    def _surface(self, part: Element) -> OverSphere | OverCylinder:
+        """Return the surface of a geom that a cable is led round, by its sidesite, or through where
+        that lies within."""
         name = part.text("geom")
         if name not in self.loops.tree.geoms:
             raise part.refusal(f"there is no geom {name!r}")
@@ -202,10 +193,11 @@ class TendonReader:
         if "sidesite" in part.attributes:
             owner, at = self.loops.site(part, part.text("sidesite"))
             away = np.linalg.norm(at[:3, 3] - (X @ place)[:3, 3])
-            if owner != body or away >= size[0]:
-                return None
-            fields["inside"] = True
             self.found.used.add(part.text("sidesite"))
+            if owner == body and away < size[0]:
+                fields["inside"] = True
+            else:
+                fields["side"] = ViaPoint(body=owner, point=poses.triple(at[:3, 3]))
         return part.make(kind, **fields)
 
     def _rests(self, cable: Cable) -> float:
