@@ -1,4 +1,5 @@
-"""A sign of life: what is announced, and takes longer than two seconds, says so on the terminal.
+"""A sign of life: what is announced, and takes longer than two seconds, says so on the terminal;
+and who has no patience may interrupt it.
 
 Only a terminal is told, and only by the main thread of the main process: nothing is written where
 stderr is a file or a pipe, by threads of ensembles and viewers, or by workers.
@@ -6,6 +7,7 @@ stderr is a file or a pipe, by threads of ensembles and viewers, or by workers.
 
 from __future__ import annotations
 
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -93,6 +95,25 @@ class ongoing:
             yield
         finally:
             one.since = since + time.perf_counter() - started
+
+
+@contextmanager
+def interruptions_held() -> Iterator[Callable[[], bool]]:
+    """Let what is done here come to its end although Ctrl-C is pressed; give what tells whether it
+    was.
+
+    Only Python's own way to interrupt, of the main thread, is held back.
+    """
+    own = current_thread() is main_thread()
+    if not own or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield lambda: False
+        return
+    came: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+    try:
+        yield lambda: bool(came)
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @contextmanager

@@ -168,8 +168,8 @@ def simulate(
     options |= {"method": method and method.value, "step": step}
     how = command.settings(duration, samples, **options)
     source = Source(robot, reference, floating, packages, merging, includes)
-    if not command.simulate(source, start, load, lead, how, target, json):
-        raise typer.Exit(1)
+    if status := command.simulate(source, start, load, lead, how, target, json):
+        raise typer.Exit(status)
 
 
 def follow(

@@ -23,11 +23,12 @@ from linkwork.robot import Motion, Robot
 from linkwork.runs import running
 from linkwork.runs.recording import passed_limits
 from linkwork.runs.settings import Settings
-from linkwork.simulation import Run, Sampled
+from linkwork.simulation import Run, Sampled, Status
 
 FORMATS = (".nc", ".csv")
 FEW = 12  # joint coordinates that are all printed; of more those of the actuated joints
 SAMPLES = 201  # of a path that a controller follows
+INTERRUPTED = 130  # exit status, as of programs that Ctrl-C ends
 
 
 @dataclass(frozen=True)
@@ -112,9 +113,8 @@ def simulate(
     how: Settings,
     target: Target,
     as_json: bool,
-) -> bool:
-    """Simulate, print how it went, write what was computed; return whether the run reached its
-    end."""
+) -> int:
+    """Simulate, print how it went, write what was computed; return the exit status."""
     # The start, and what acts: a path that is followed from its beginning says where that is.
     lead.check(load.given)
     with patience("preparing the run"):
@@ -134,11 +134,18 @@ def simulate(
         data["written"] = [target.file]
     if as_json:
         show_json(data)
-        return run.success
+        return left_with(run)
     print_ending(robot, data)
     if target.file is not None:
         console().print(f"{target.file} written", soft_wrap=True)
-    return run.success
+    return left_with(run)
+
+
+def left_with(run: Run) -> int:
+    """Return the exit status of a run: 0 where it reached its end, 1 before, 130 interrupted."""
+    if run.status is Status.CANCELLED:
+        return INTERRUPTED
+    return 0 if run.success else 1
 
 
 def ending(robot: Robot, run: Run, goal: Any) -> dict[str, Any]:

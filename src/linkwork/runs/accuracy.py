@@ -80,7 +80,8 @@ class Compared:
     @property
     def known(self) -> bool:
         """Whether there is a companion."""
-        return repeatable(self.passage.system, self.passage.settings)
+        interrupted = bool(self.passage.system.faults)
+        return not interrupted and repeatable(self.passage.system, self.passage.settings)
 
     @cached_property
     def _reached(self) -> tuple[np.ndarray, np.ndarray]:
@@ -95,7 +96,12 @@ class Compared:
             return list(self.segments)
         settings = tightened(self.passage.settings).but(save_at=times)
         other = replace(
-            self.passage, end=float(times[-1]), settings=settings, pace=None, watching=False
+            self.passage,
+            end=float(times[-1]),
+            settings=settings,
+            pace=None,
+            watching=False,
+            interruptible=False,
         )
         return list(other.segments(*self.start))
 

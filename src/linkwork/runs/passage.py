@@ -1,7 +1,8 @@
 """Passage: lead a run from chart to chart, and over singular poses where the motion itself is
 smooth.
 
-A run is a chain of segments, each integrated in one chart. Where the chart's pivot falls below a
+A run is a chain of segments, each integrated in one chart, and long ones in portions, between which
+an interruption is heard. Where the chart's pivot falls below a
 soft bound the segment ends; if another chart is well conditioned there the next segment uses it: q
 stays, the rates are re-read. If none is, the configuration itself is nearly singular, and the run
 goes on in the same chart down to the hard bound, or, if asked, steps over it (`crossing`). Which
@@ -21,6 +22,7 @@ from linkwork.model import checks
 from linkwork.model.chart_transfer import reread
 from linkwork.model.charts import CompiledChart
 from linkwork.model.turning import turning
+from linkwork.patience import interruptions_held
 from linkwork.runs.crossing import Crossed, Crossing
 from linkwork.runs.next_chart import Choice, choice
 from linkwork.runs.settings import Settings
@@ -49,6 +51,7 @@ SOFT = 0.05  # relative pivot at which a better chart is looked for
 RECOVERED = 1.5  # pivot over the soft bound at which a lowered bound is raised again
 SHORT = 1000  # shortest segments in a run's duration
 LOWER = 0.25  # the soft bound falls by this factor while no better chart is found
+WORK, LEAST, MOST = 2**22, 2**10, 2**16  # steps, times nq^2, until a run looks for interruptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +81,7 @@ class Stand(NamedTuple):
     steps: how many are left; bound: the pivot at which the segment ends; short: its duration while
         the bound is lowered
     method: of integration; over: the singular pose that was stepped over to come here
+    pace: the steps to go on with, where the last segment ended as its portion was full
     """
 
     chart: CompiledChart
@@ -91,6 +95,7 @@ class Stand(NamedTuple):
     short: float
     method: Method
     over: Segment | None = None
+    pace: Pace | None = None
 
 
 @dataclass
@@ -103,6 +108,8 @@ class Passage:
         taken from where they are stiff
     pace: the step to begin with, guessed if left out
     watching: whether events are watched for at which no step ends
+    interruptible: whether Ctrl-C ends a long run where it is, as a fault of the system, rather than
+        throw away what was computed
     """
 
     robot: Model
@@ -112,6 +119,7 @@ class Passage:
     settings: Settings
     pace: Pace | None = None
     watching: bool = True
+    interruptible: bool = False
 
     def segments(
         self,
@@ -203,8 +211,10 @@ class Passage:
         chart, t, q, v = stand.chart, done.end_time, done.q_end, done.v_end
         steps = stand.steps - done.steps - done.rejected
         here = stand._replace(
-            t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps, over=None
+            t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps, over=None, pace=None
         )
+        if done.status is Status.TOO_MANY_STEPS and steps > 0 and not self.system.faults:
+            return here._replace(pace=done.pace)
         # A short segment under a lowered bound is over; or a stiff one, which goes on by RODAS.
         if done.status is Status.FINISHED:
             recovered = chart.pivot(q) > RECOVERED * SOFT
@@ -274,13 +284,20 @@ class Passage:
         end, save_at = self._until(stand), self.settings.save_at
         if save_at is not None and not (stand.t == self.start and end == self.end):
             save_at = save_at[(save_at >= stand.t) & ((save_at <= end) | (end == self.end))]
-        return self._along(stand, end, save_at, self.system.inputs)
+        if stand.pace is None or not self.interruptible:
+            return self._along(stand, end, save_at, self.system.inputs)
+        with interruptions_held() as came:
+            done = self._along(stand, end, save_at, self.system.inputs)
+        if came():
+            self.system = replace(self.system, faults=[KeyboardInterrupt()])
+        return done
 
     def _along(
         self, stand: Stand, end: float, save_at: np.ndarray | None, inputs: Signal
     ) -> Trajectory:
         chart, t, settings = stand.chart, stand.t, self.settings
         first = t == self.start and stand.method is settings.integrator
+        steps = min(stand.steps, portion(stand.q.size))
         return advanced(
             self.problem(chart, stand.method, inputs),
             np.concatenate((stand.q, stand.v)),
@@ -288,9 +305,9 @@ class Passage:
             t,
             t + (end - t),
             pivot_bound=stand.bound,
-            steps=stand.steps,
+            steps=steps,
             save_at=save_at,
-            first_step=self.pace if first else None,
+            first_step=stand.pace or (self.pace if first else None),
             control=stand.control,
             turns=stand.turns,
         )
@@ -412,6 +429,12 @@ class Passage:
             for time, rises in crossed.zeros(of):
                 if event.direction >= 0 if rises else event.direction <= 0:
                     yield time, number
+
+
+def portion(nq: int) -> int:
+    """Return after how many steps a run of nq coordinates looks whether it is interrupted: a matter
+    of tenths of a second, and of the robot alone, so that runs can be told again bit for bit."""
+    return max(LEAST, min(MOST, WORK // max(nq, 1) ** 2))
 
 
 def chosen(robot: Model, chart: CompiledChart, q: bytes) -> Choice:

@@ -31,8 +31,9 @@ from linkwork.runs.settings import Settings
 from linkwork.runs.stiff_sources import stiff_source
 from linkwork.runs.system import System
 from linkwork.simulation import RODAS, Control, Pace, Run, Statistics, Status, Variable
-from linkwork.simulation.run import SINGULAR_TIMES, Deferred
+from linkwork.simulation.run import SINGULAR_TIMES
 from linkwork.simulation.signals import require_increasing
+from linkwork.simulation.variables import Deferred
 
 if TYPE_CHECKING:
     from linkwork.model.model import Model
@@ -87,7 +88,7 @@ def simulate(
         settings = settings.saved_from(start)
     if settings.save_at is not None and system.sampler:
         settings, besides = called_besides(system.sampler, settings, start, end)
-    passage = Passage(robot, system, start, end, settings, pace)
+    passage = Passage(robot, system, start, end, settings, pace, interruptible=True)
     chart, v = chart_transfer.start(robot, state)
     begun = Departure(
         chart, state.q, v, system.start(robot, state.positions, state.q, z), control, turns
@@ -106,8 +107,11 @@ def again(made: Compared, state: State, samples: int | np.ndarray) -> Run:
     if passage.system.sampler:
         given = passage.system.sampler, settings, passage.start, passage.end
         settings, besides = called_besides(*given)
-    passage = replace(passage, settings=settings)
-    segments = list(passage.segments(*made.start))
+    passage = replace(passage, settings=settings, interruptible=False)
+    leading = passage
+    if passage.system.faults:  # it was interrupted: it is to come as far, not further
+        leading = replace(passage, system=replace(passage.system, faults=[]), end=last)
+    segments = list(leading.segments(*made.start))
     return record(replace(made, passage=passage, segments=segments), state, besides)
 
 

@@ -5,7 +5,7 @@ and of the loop closure.
 """
 
 from linkwork.simulation.events import Condition, Control, Events, Occurrences, Pace
-from linkwork.simulation.integration import Trajectory, integrate
+from linkwork.simulation.integration import integrate
 from linkwork.simulation.methods import FIXED, METHODS, Method, MethodName, integrator
 from linkwork.simulation.rosenbrock import RODAS, Rosenbrock
 from linkwork.simulation.run import Run, Statistics, Variable
@@ -21,6 +21,7 @@ from linkwork.simulation.tableaus import (
     Tableau,
     dop853,
 )
+from linkwork.simulation.trajectory import Trajectory
 from linkwork.simulation.turns import Turning
 
 __all__ = [

@@ -1,24 +1,21 @@
 """Integrate the equations of motion: check what is asked, and run the compiled loop once."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import astuple, dataclass, replace
-from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import astuple, replace
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
-from linkwork.simulation.events import ENDS, Control, Events, Occurrences, Pace, Watch
+from linkwork.simulation.events import ENDS, Control, Events, Pace, Watch
 from linkwork.simulation.methods import Method
 from linkwork.simulation.signals import ROUNDING, Sampled, Signal, as_signal, require_increasing
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE
+from linkwork.simulation.trajectory import Trajectory
 from linkwork.simulation.turns import Turning
-
-if TYPE_CHECKING:
-    from linkwork.simulation.native_loop import LoopOutcome
 
 NO_CONDITIONS = np.empty((0, 2))
 NOTHING = np.empty(0)
@@ -26,146 +23,6 @@ GUESSED = 0.0, math.inf, 0.0, 0.0  # a pace: the first step is guessed, and may 
 NEARLY = (
     0.25  # of the interval of stability: steps that the tolerance bounds stay below a fifth of it
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """Hold what an integration computed, up to where it ended.
-
-    At the K saved times: `t` (K,) in s, `q` (K, nq), `v` (K, nv), `u` (K, nu), and `residual` (K,),
-    the largest |phi(q)|. `events`: the zeros of the event functions, as `Occurrences`.
-    The last state reached: `end_time`, `q_end` (nq,), `v_end` (nv,), and `turns` (nq,), the whole
-    turns of angles that are not in `q_end`. To go on from there: `pace`, the step size, and
-    `control`, what a sampled controller holds. How it went: `status`, `message`; `nfev` evaluations
-    of the motion kernel, `steps` accepted, `rejected`, and `projections`, evaluations of the
-    closure kernel; `pivot`, the smallest pivot met, at `pivot_time`; `closure_error`, the largest
-    residual at the start, at the end and of all rows saved.
-
-    All of it is read from `rows` (K, 3 + nq + nv + nu), each (t, q, v, u, residual, number of an
-    event), `found`, such rows where events happened, `y_end`, (q, v) at the end, `outcome`, the
-    loop's own account, and `bounds`, what it was held to.
-    """
-
-    rows: np.ndarray
-    found: np.ndarray
-    y_end: np.ndarray
-    turns: np.ndarray
-    nq: int
-    outcome: "LoopOutcome"
-    control: Control | None
-    bounds: Mapping[str, float | str]
-    status: Status
-
-    @property
-    def success(self) -> bool:
-        """Tell whether the run reached its end."""
-        return self.status is Status.FINISHED
-
-    @property
-    def message(self) -> str:
-        if self.success:
-            return self.status.sentence(time=self.end_time)
-        return self.status.sentence(
-            **self.outcome._asdict(), fault_source=self._fault_source, **self.bounds
-        )
-
-    @property
-    def _fault_source(self) -> str:
-        """What is not finite, by the number that the compiled loop gives it."""
-        fault, held = int(self.outcome.fault), self.control.held.size if self.control else 0
-        kinds = [
-            ("component {} of q'", self.nq),
-            ("component {} of v'", self.v_end.size),
-            ("the pivot", 1),
-        ]
-        for kind, count in [
-            *kinds,
-            ("held input {}", held),
-            ("the function of event {}", math.inf),
-        ]:
-            if fault < count:
-                return kind.format(fault) + (" (counted from 0)" if "{}" in kind else "")
-            fault -= int(count)
-        raise AssertionError(fault)
-
-    @cached_property
-    def t(self) -> np.ndarray:
-        return self.rows[:, 0]
-
-    @cached_property
-    def q(self) -> np.ndarray:
-        return self.rows[:, 1 : 1 + self.nq]
-
-    @cached_property
-    def v(self) -> np.ndarray:
-        return self.rows[:, 1 + self.nq : 1 + self.y_end.size]
-
-    @cached_property
-    def u(self) -> np.ndarray:
-        return self.rows[:, 1 + self.y_end.size : -2]
-
-    @cached_property
-    def residual(self) -> np.ndarray:
-        return self.rows[:, -2]
-
-    @cached_property
-    def events(self) -> Occurrences:
-        n = self.y_end.size
-        return Occurrences(
-            self.found[:, 0], self.found[:, -1].astype(int), self.found[:, 1 : 1 + n]
-        )
-
-    @cached_property
-    def q_end(self) -> np.ndarray:
-        return self.y_end[: self.nq]
-
-    @cached_property
-    def v_end(self) -> np.ndarray:
-        return self.y_end[self.nq :]
-
-    @property
-    def pace(self) -> Pace:
-        """The step size to go on with, and its growth."""
-        return Pace(
-            self.outcome.step, self.outcome.growth, self.outcome.longest, self.outcome.ideal
-        )
-
-    @property
-    def next_step(self) -> float:
-        """The step size to go on with, in s."""
-        return self.outcome.step
-
-    @property
-    def end_time(self) -> float:
-        return self.outcome.time
-
-    @property
-    def nfev(self) -> int:
-        return int(self.outcome.evaluations)
-
-    @property
-    def steps(self) -> int:
-        return int(self.outcome.accepted)
-
-    @property
-    def rejected(self) -> int:
-        return int(self.outcome.rejected)
-
-    @property
-    def projections(self) -> int:
-        return int(self.outcome.projections)
-
-    @property
-    def pivot(self) -> float:
-        return self.outcome.pivot
-
-    @property
-    def pivot_time(self) -> float:
-        return self.outcome.pivot_time
-
-    @property
-    def closure_error(self) -> float:
-        return self.outcome.closure_error
 
 
 def integrate(

@@ -1,16 +1,10 @@
 """A `Run`: what a user holds after a simulation, with names and units, and its files."""
 
-import contextlib
-import csv
-import io
-import json
-import os
-import uuid
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +12,13 @@ from numpy.typing import ArrayLike
 from linkwork.checks import count, file_path, finite, shown, suggestion
 from linkwork.errors import LinkworkError
 from linkwork.notebooks import Portrayed
+from linkwork.simulation.run_files import (
+    TIME,
+    read_netcdf,
+    whole_or_nothing,
+    write_csv,
+    write_netcdf,
+)
 from linkwork.simulation.status import Status
 from linkwork.simulation.variables import LazyAttribute, Variable, dataset_of
 
@@ -27,16 +28,9 @@ if TYPE_CHECKING:
 
     from linkwork.model.state import State
 
-NAME, TIME, DESCRIPTION, SINGULAR_TIMES = (
-    "mechanism",
-    "time",
-    "description",
-    "singular_times",
-)
+NAME, DESCRIPTION, SINGULAR_TIMES = "mechanism", "description", "singular_times"
 FINAL = "final_state"  # attributes of a file that begin so: positions, rates, q, names of rates
 SMOOTH = 501  # samples that draw as smooth curves
-EMPTY = "without_elements"  # attribute of a file: what has no element, which NetCDF 3 cannot hold
-Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
@@ -56,38 +50,6 @@ class Statistics:
     closure_error: float
     pivot: float
     pivot_time: float
-
-
-class Deferred(Mapping[str, Value]):
-    """Hold values in groups, each found when one of it is first asked for: what nobody looks at
-    costs nothing.
-
-    groups: what finds a group, by the names that it may give
-    """
-
-    def __init__(self, groups: Mapping[tuple[str, ...], Callable[[], Mapping[str, Value]]]):
-        self._groups = groups
-        self._found: dict[tuple[str, ...], Mapping[str, Value]] = {}
-
-    def _group(self, names: tuple[str, ...]) -> Mapping[str, Value]:
-        if names not in self._found:
-            self._found[names] = self._groups[names]()
-        return self._found[names]
-
-    def __getitem__(self, name: str) -> Value:
-        for names in self._groups:
-            if name in names:
-                return self._group(names)[name]
-        raise KeyError(name)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter([name for names in self._groups for name in self._group(names)])
-
-    def __len__(self) -> int:
-        return sum(len(self._group(names)) for names in self._groups)
-
-    def __repr__(self) -> str:
-        return repr(dict(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -358,29 +320,26 @@ class Run(Portrayed):
                 f"cannot save a run as {path.name!r}: its suffix must be one of "
                 f"{', '.join(_WRITERS)}, not {path.suffix!r}"
             )
-        with _whole_or_nothing(path) as part:
+        with whole_or_nothing(path) as part:
             write(self, part)
         return path
+
+    @property
+    def _told_to_files(self) -> dict[str, Any]:
+        """What a file holds beside the dataset: the mechanism, and the last state."""
+        told: dict[str, Any] = {DESCRIPTION: self.description} if self.description else {}
+        if self.ended is not None or "final" in vars(self):
+            last, names = self.final, ", ".join(self.final.independent)
+            found = {"positions": last.positions, "rates": last.rates, "q": last.q, "names": names}
+            told |= {f"{FINAL}_{name}": value for name, value in found.items()}
+        return told
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read a run that `save` wrote as .nc; raise `LinkworkError` if the file is missing or
         holds no run."""
-        import xarray
-
-        # A file that can be read, and is a run.
         path = file_path(path, "the path of a run")
-        try:
-            dataset = xarray.load_dataset(path, engine="scipy")
-        except OSError as error:
-            raise LinkworkError(
-                f"cannot read a run from '{path}': {error.strerror or error}"
-            ) from error
-        except Exception as error:  # a damaged header misleads the reader in any way
-            raise LinkworkError(
-                f"cannot read a run from '{path}': it is not a NetCDF file, or damaged"
-            ) from error
-        attrs = dict(dataset.attrs)
+        variables, coords, attrs = read_netcdf(path)
         try:
             status, message = Status[str(attrs.pop("status"))], str(attrs.pop("message"))
             statistics = Statistics(
@@ -393,13 +352,6 @@ class Run(Portrayed):
             raise LinkworkError(
                 f"cannot read a run from '{path}': its attribute {error} is missing or unknown"
             ) from error
-        # What it holds, and what NetCDF 3 cannot: arrays without elements.
-        variables, coords = _variables(dataset.data_vars), _variables(dataset.coords)
-        for name, (dims, own) in json.loads(attrs.pop(EMPTY, "{}")).items():
-            shape, labels = [dataset.sizes.get(dim, 0) for dim in dims], name in dims
-            (coords if labels else variables)[name] = Variable(
-                tuple(dims), np.empty(shape, str if labels else float), own
-            )
         last = _final_state(attrs, coords)
         ended = None if last is None else lambda: last
         return cls(variables, coords, attrs, status, message, statistics, ended=ended)
@@ -420,99 +372,7 @@ def _final_state(attrs: dict[str, Any], coords: Mapping[str, Variable]) -> "Stat
     return State(positions, rates, q, labels, names)
 
 
-def _variables(arrays: "Mapping[Any, xarray.DataArray]") -> dict[str, Variable]:
-    return {
-        str(name): Variable(tuple(map(str, array.dims)), array.values, dict(array.attrs))
-        for name, array in arrays.items()
-    }
-
-
-def _write_netcdf(run: Run, path: Path) -> None:
-    told, whole = {DESCRIPTION: run.description} if run.description else {}, run.dataset
-    if run.ended is not None or "final" in vars(run):
-        last, names = run.final, ", ".join(run.final.independent)
-        found = {"positions": last.positions, "rates": last.rates, "q": last.q, "names": names}
-        told |= {f"{FINAL}_{name}": value for name, value in found.items()}
-    empty = {
-        str(name): (variable.dims, variable.attrs)
-        for name, variable in whole.variables.items()
-        if not variable.size
-    }
-    if empty:
-        told[EMPTY] = json.dumps(empty)
-    try:
-        whole.drop_vars(list(empty)).assign_attrs(told).to_netcdf(path, engine="scipy")
-    except (TypeError, ValueError) as error:
-        raise LinkworkError(f"NetCDF cannot hold what the run holds: {error}") from error
-
-
-def _write_csv(run: Run, path: Path) -> None:
-    time = run.coords[TIME]
-    moving = {name: v for name, v in run.variables.items() if TIME in v.dims}
-    heading, columns = [f"{TIME} [{time.attrs.get('units', '')}]"], [(TIME, time.values)]
-    for name, variable in moving.items():
-        heading.append(f"{name} [{variable.attrs.get('units', '')}]")
-        columns += _columns(name, variable, run.coords)
-    constants = [
-        f"{column} = {value} [{variable.attrs.get('units', '')}]"
-        for name, variable in run.variables.items()
-        if name not in moving
-        for column, value in _columns(name, variable, run.coords)
-    ]
-    names = io.StringIO()
-    csv.writer(names, lineterminator="\n").writerow(name for name, _ in columns)
-    with path.open("w", encoding="utf-8", newline="") as file:
-        for line in [run.message, "units: " + ", ".join(heading), *constants]:
-            file.write("# " + " ".join(line.split()) + "\n")
-        file.write(names.getvalue())
-        np.savetxt(
-            file, np.column_stack([values for _, values in columns]), fmt="%.17g", delimiter=","
-        )
-
-
-def _columns(
-    name: str, variable: Variable, coords: Mapping[str, Variable]
-) -> list[tuple[str, np.ndarray]]:
-    """Return the variable's components, named quantity.label.label ..., each over time where it
-    varies with time."""
-    values, dims = variable.values, variable.dims
-    if TIME in dims:
-        values, dims = (
-            np.moveaxis(values, dims.index(TIME), -1),
-            [dim for dim in dims if dim != TIME],
-        )
-    labels = [
-        coords[dim].values if dim in coords else range(n)
-        for dim, n in zip(dims, values.shape, strict=False)
-    ]
-    return [
-        (
-            ".".join([name, *(str(axis[i]) for axis, i in zip(labels, index, strict=True))]),
-            values[index],
-        )
-        for index in np.ndindex(*values.shape[: len(dims)])
-    ]
-
-
-_WRITERS: dict[str, Callable[[Run, Path], None]] = {".nc": _write_netcdf, ".csv": _write_csv}
-
-
-@contextlib.contextmanager
-def _whole_or_nothing(path: Path) -> Iterator[Path]:
-    """Give a neighbouring path to write to, which becomes `path` when all is written and vanishes
-    when anything fails."""
-    if not path.parent.is_dir():
-        raise LinkworkError(f"cannot write '{path}': there is no folder '{path.parent}'")
-    if path.is_dir():
-        raise LinkworkError(f"cannot write '{path}': it is a folder")
-    part = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
-    try:
-        yield part
-        os.replace(part, path)
-    except OSError as error:
-        raise LinkworkError(f"cannot write '{path}': {error.strerror or error}") from error
-    finally:
-        with contextlib.suppress(
-            OSError
-        ):  # where nothing can be written there is nothing to remove either
-            part.unlink(missing_ok=True)
+_WRITERS: dict[str, Callable[[Run, Path], None]] = {
+    ".nc": lambda run, path: write_netcdf(path, run.dataset, run._told_to_files),
+    ".csv": lambda run, path: write_csv(path, run.message, run.variables, run.coords),
+}

@@ -4,10 +4,10 @@ An axis that comes again, such as that of a robot's joints, is indexed once: tha
 time that a dataset of a short run takes.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import xarray
 
 FEW = 1000  # labels of an axis that are kept
+Value = TypeVar("Value")
 
 
 class LazyAttribute:
@@ -35,6 +36,38 @@ class LazyAttribute:
 
     def __set__(self, run: object, value: object) -> None:
         vars(run)[self.name] = value
+
+
+class Deferred(Mapping[str, Value]):
+    """Hold values in groups, each found when one of it is first asked for: what nobody looks at
+    costs nothing.
+
+    groups: what finds a group, by the names that it may give
+    """
+
+    def __init__(self, groups: Mapping[tuple[str, ...], Callable[[], Mapping[str, Value]]]):
+        self._groups = groups
+        self._found: dict[tuple[str, ...], Mapping[str, Value]] = {}
+
+    def _group(self, names: tuple[str, ...]) -> Mapping[str, Value]:
+        if names not in self._found:
+            self._found[names] = self._groups[names]()
+        return self._found[names]
+
+    def __getitem__(self, name: str) -> Value:
+        for names in self._groups:
+            if name in names:
+                return self._group(names)[name]
+        raise KeyError(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter([name for names in self._groups for name in self._group(names)])
+
+    def __len__(self) -> int:
+        return sum(len(self._group(names)) for names in self._groups)
+
+    def __repr__(self) -> str:
+        return repr(dict(self))
 
 
 @dataclass(frozen=True, eq=False)

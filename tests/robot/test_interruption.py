@@ -1,0 +1,90 @@
+"""Ctrl-C in a long run: it ends where it is, nothing computed is lost, and the robot runs again."""
+
+import signal
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.runs import passage
+
+from tests.cli.calls import call
+
+TIMES = np.linspace(0.0, 20.0, 81)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return lw.Robot("double_pendulum")
+
+
+@pytest.fixture
+def short_portions(monkeypatch):
+    monkeypatch.setattr(passage, "portion", lambda nq: 100)
+
+
+@pytest.fixture
+def interrupted_late(monkeypatch, short_portions):
+    """Press Ctrl-C while the third portion is integrated."""
+    own, calls = passage.advanced, []
+
+    def advanced(*given, **options):
+        done = own(*given, **options)
+        calls.append(done)
+        if len(calls) == 3:
+            signal.raise_signal(signal.SIGINT)
+        return done
+
+    monkeypatch.setattr(passage, "advanced", advanced)
+
+
+def test_an_interrupted_run_keeps_what_was_computed_and_can_be_resumed(
+    robot, interrupted_late, tmp_path
+):
+    run = robot.simulate(robot.home, duration=20.0, rtol=1e-10, save_at=TIMES)
+    assert run.status is lw.Status.CANCELLED and isinstance(run.error, KeyboardInterrupt)
+    assert run.steps + run.rejected == 300 and 0 < run.time[-1] < 20
+    assert "cancelled" in run.message and np.isnan(run.error_estimate)
+    assert lw.Run.load(run.save(tmp_path / "run.nc")).status is lw.Status.CANCELLED
+
+    rest = robot.resume(run, duration=20.0 - run.attrs["final_time"], rtol=1e-10)
+    whole = robot.simulate(robot.home, duration=20.0, rtol=1e-10, save_at=TIMES)
+    assert rest.success and whole.success
+    assert np.array_equal(rest.final.q, whole.final.q)
+
+    again = run.resampled(11)
+    assert again.status is lw.Status.CANCELLED
+    assert np.allclose(again.final.q, run.final.q, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        {"rtol": 1e-10, "save_at": TIMES},
+        {"rtol": 1e-9},
+        {"method": "rk4", "step": 0.01, "samples": 11},
+        {"method": "rodas", "rtol": 1e-5, "samples": 11},
+        {"method": "dop853", "rtol": 1e-11, "events": ["singular"]},
+    ],
+    ids=["samples", "every step", "rk4", "rodas", "dop853"],
+)
+def test_portions_change_no_bit(robot, how, monkeypatch):
+    whole = robot.simulate(robot.home, duration=20.0, **how)
+    monkeypatch.setattr(passage, "portion", lambda nq: 100)
+    parts = robot.simulate(robot.home, duration=20.0, **how)
+    assert whole.steps == parts.steps > 200 and whole.rejected == parts.rejected
+    assert np.array_equal(whole.time, parts.time)
+    assert np.array_equal(whole["joint_position"], parts["joint_position"])
+    assert np.array_equal(whole.final.rates, parts.final.rates)
+
+
+def test_the_largest_number_of_steps_still_ends_a_run(robot, short_portions):
+    run = robot.simulate(robot.home, duration=20.0, max_steps=250)
+    assert run.status is lw.Status.TOO_MANY_STEPS and run.steps + run.rejected == 250
+
+
+def test_the_command_line_writes_what_was_computed_and_exits_with_130(interrupted_late, tmp_path):
+    words = ["simulate", "double_pendulum", "--duration", "20", "--rtol", "1e-10"]
+    result = call(*words, "--out", str(tmp_path / "run.nc"))
+    assert result.exit_code == 130 and "cancelled" in result.stdout
+    assert lw.Run.load(tmp_path / "run.nc").status is lw.Status.CANCELLED
