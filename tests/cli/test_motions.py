@@ -71,6 +71,15 @@ def test_a_controller_leads_a_run_along_a_path_from_its_beginning(motion):
     assert max(off["most"] for off in wrong["off_goal"].values()) > 1e-4
 
 
+def test_a_controller_leads_the_tool_in_its_task(motion):
+    gains = "kd=40 kp.x=400 kp.y=400 kp.angle=300"
+    words = ("simulate", "prr3", "--duration", 1, "--goal", CIRCLE, "--controller")
+    exact = told(*words, f"task_computed_torque {gains}")
+    assert np.allclose([*exact["tool"].values()], motion.tool[-1], rtol=0, atol=1e-6)
+    stiff = told(*words, "task_pd_with_gravity kp=4e4 kd=400")
+    assert np.allclose([*stiff["tool"].values()], motion.tool[-1], rtol=0, atol=1e-3)
+
+
 def test_a_controller_leads_to_a_pose_as_the_library_does():
     found = told("simulate", "prr3", "--duration", 0.3, "--controller", "pd kp=400 kd.slide_1=40 "
                  "kd.slide_2=40 kd.slide_3=50", "--goal", "pose tool=0.5,0.29,1.2")  # fmt: skip

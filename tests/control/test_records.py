@@ -67,7 +67,8 @@ def test_the_names_in_study_files_are_those_that_the_classes_say():
         "integrating_servo": "IntegratingServo",
     }
     types = [each.model_fields["type"].default for each in RECORDS]
-    assert types == ["pd", "pd_with_gravity", "pid", "computed_torque", "sliding_mode", "lqr"]
+    joints = ["pd", "pd_with_gravity", "pid", "computed_torque", "sliding_mode", "lqr"]
+    assert types == [*joints, "task_pd_with_gravity", "task_computed_torque"]
 
 
 @pytest.mark.parametrize("kind", control.DRIVES)

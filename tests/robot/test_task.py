@@ -281,3 +281,13 @@ def test_no_configurations_have_no_conditioning_and_no_task_values(legs):
     none = np.empty((0, legs.equations.nq))
     assert dexterity.conditioning(legs, none).shape == (0,)
     assert values(legs, none, legs.task).shape == (0, 3)
+
+
+def test_a_tool_that_moves_in_too_few_directions_is_told():
+    """As the platform of a 3-PRR seen from a link that it is hinged to: it only turns there."""
+    tools = {"hand": Tool(body="platform", relative_to="link_1")}
+    robot = Robot(lw.robots.prr3().model_copy(update={"tools": tools}))
+    with pytest.raises(
+        lw.LinkworkError, match="has 3 freedoms and its tool moves in 1 of them, so"
+    ):
+        robot.task_values(robot.home)

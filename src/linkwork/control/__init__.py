@@ -17,9 +17,13 @@ from linkwork.control.lqr import LQR
 from linkwork.control.observation import Observation
 from linkwork.control.sampler import Sampler
 from linkwork.control.servos import IntegratingServo, LaggingServo, Servo
+from linkwork.control.task_controllers import TaskComputedTorque, TaskPDWithGravity
 from linkwork.control.wrenches import Wrench
 
-LAWS = (PD, PDWithGravity, PID, ComputedTorque, SlidingMode, LQR)
+LAWS = (
+    *(PD, PDWithGravity, PID, ComputedTorque, SlidingMode, LQR),
+    *(TaskPDWithGravity, TaskComputedTorque),
+)
 DRIVES = (
     *(Ideal, Saturated, Lag, DCMotor, HydraulicCylinder, PneumaticCylinder),
     *(Servo, LaggingServo, IntegratingServo),
@@ -45,6 +49,8 @@ __all__ = [
     "Saturated",
     "Servo",
     "SlidingMode",
+    "TaskComputedTorque",
+    "TaskPDWithGravity",
     "Wrench",
     "limit_events",
     "singular_events",

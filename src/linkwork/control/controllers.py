@@ -103,21 +103,19 @@ class Follower(Controller):
         return x_d - x, dx_d - dx, ddx_d
 
 
-def gain(state: Observation, name: str, value: Gain) -> np.ndarray:
-    """Return a gain (na) as free parameters: one of its name, or name.actuator where it is given by
-    actuator."""
-    actuators = state.names.actuators
+def gain(state: Observation, name: str, value: Gain, by: Sequence[str] | None = None) -> np.ndarray:
+    """Return a gain as free parameters: one of its name, or name.actuator where it is given by
+    actuator; by: names in their place."""
+    each = state.names.actuators if by is None else by
     if not isinstance(value, Mapping):
-        return math.array([state.parameter(name, value)] * len(actuators))
-    missing = [actuator for actuator in actuators if actuator not in value]
+        return math.array([state.parameter(name, value)] * len(each))
+    missing = [one for one in each if one not in value]
     if missing:
         raise LinkworkError(
             f"the gain {name} lacks {missing[0]!r}; give one number, or one for each of "
-            f"{', '.join(actuators)}"
+            f"{', '.join(each)}"
         )
-    return math.array(
-        [state.parameter(f"{name}.{actuator}", value[actuator]) for actuator in actuators]
-    )
+    return math.array([state.parameter(f"{name}.{one}", value[one]) for one in each])
 
 
 def model_last(law: type[Law]) -> type[Law]:

@@ -20,6 +20,8 @@ import numpy as np
 from linkwork import math
 from linkwork.control.observation import Observation
 from linkwork.control.plant import Plant
+from linkwork.equations import Equations
+from linkwork.equations.algebra import matrix_quaternion
 from linkwork.equations.symmetric import solve_symmetric
 from linkwork.errors import LinkworkError
 
@@ -63,6 +65,15 @@ class InverseDynamics:
         inputs = [equations.tree.q, equations.v, a, equations.p]
         return ca.Function("model", inputs, [ca.densify(u)], {"cse": True})
 
+    def require_same_actuators(self, state: Observation) -> None:
+        """Refuse a robot that is driven otherwise than the model."""
+        ours, theirs = self.robot.actuators, state.names.actuators
+        if ours != theirs:
+            raise LinkworkError(
+                f"the model has the actuators {', '.join(ours)}, the robot {', '.join(theirs)}; "
+                "they have to be the same"
+            )
+
     def forces(self, state: Observation, accelerations: Any, still: bool = False) -> np.ndarray:
         """Return u (na) for accelerations (na) of the actuated rates, in the order of the
         actuators.
@@ -70,18 +81,31 @@ class InverseDynamics:
         state: what the controller sees; still: whether to leave its rates out
         """
         equations, robot = self.robot.equations, self.robot
-        if robot.actuators != state.names.actuators:
-            raise LinkworkError(
-                f"the model has the actuators {', '.join(robot.actuators)}, the robot "
-                f"{', '.join(state.names.actuators)}; they have to be the same"
-            )
-        q = [state[label] for label in equations.tree.coordinates]
+        self.require_same_actuators(state)
+        q = measured(equations, state)
         v = [0.0 if still else state.rate(label) for label in equations.independent]
         p = [state.parameter(f"model.{path}", value) for path, value in robot.parameters.items()]
         u = self.function(
             *(ca.vertcat(ca.SX(0, 1), *values) for values in (q, v, math.array(accelerations), p))
         )
         return numeric(math.vector(u))
+
+
+def measured(equations: Equations, state: Observation) -> list[Any]:
+    """Return the tree's coordinates q (nq) as a controller sees them: those of joints, and of
+    bodies that the tree lets float the pose, a quaternion behind the position."""
+    floating = {}
+    for name in equations.topology.added:
+        joint = equations.topology.joints[name]
+        frame = state.body(joint.connects[1])
+        R = ca.reshape(ca.SX(ca.vertcat(*frame.rotation.ravel())), 3, 3).T
+        p = matrix_quaternion(R)
+        pose = [*frame.position, *numeric(math.vector(p))]
+        floating |= dict(zip(joint.coordinates(name), pose, strict=True))
+    return [
+        floating[label] if label in floating else state[label]
+        for label in equations.tree.coordinates
+    ]
 
 
 def numeric(values: np.ndarray) -> np.ndarray:

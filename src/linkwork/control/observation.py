@@ -19,7 +19,7 @@ import numpy as np
 from linkwork import math
 from linkwork.checks import known
 from linkwork.equations import Equations, body_motion
-from linkwork.equations.algebra import SX, matrix_quaternion, vector
+from linkwork.equations.algebra import SX, matrix_quaternion
 from linkwork.equations.effects import rotation_vector
 from linkwork.equations.task import task_map
 from linkwork.equations.tree import near_offset, offset
@@ -170,8 +170,8 @@ class Observation:
 
     @cached_property
     def tool_velocity(self) -> np.ndarray:
-        """The tool's velocity: x', y', angular velocity in the plane; v (3), omega (3) in space,
-        ground's axes [m/s, rad/s]."""
+        """The tool's velocity: x', y', angular velocity in the plane; v (3), omega (3) in space, in
+        the axes of the ground, or of the body that the tool is relative to [m/s, rad/s]."""
         self._require_tool()
         return self.source.quantity(Quantity("tool_velocity"))
 
@@ -297,10 +297,8 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
         p, R, angle = body_motion.tool_pose(tree, tool)
         turn = rotation_vector(matrix_quaternion(ca.reshape(R, 3, 3).T)) if not planar else SX(0, 1)
         return ca.vertcat(p[:2], angle) if planar else ca.vertcat(p, turn)
-    node = tree.node(tool.body)
-    J = body_motion.jacobian(tree, node, near_offset(node, vector(tool.frame.position)))
-    twist = ca.mtimes(J, equations.rates)
-    return twist[body_motion.pose_places(planar)]
+    J, _ = body_motion.tool_twist(tree, tool, SX.zeros(equations.nv))
+    return ca.mtimes(J, equations.rates)[body_motion.pose_places(planar)]
 
 
 def task_expression(equations: Equations, tool: Tool, kind: str) -> ca.SX:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.equations import Equations
+from linkwork.mechanism.task import TaskCoordinate
 from linkwork.paths import Path
 
 
@@ -60,6 +61,23 @@ class Plant(Protocol):
     def follow(
         self, path: Path, duration: float, *, samples: int = 101, guess: Any = None
     ) -> TimedStates: ...
+
+
+@runtime_checkable
+class TaskPlant(Plant, Protocol):
+    """A robot whose tool is led in task coordinates."""
+
+    @property
+    def mobility(self) -> int: ...
+
+    @property
+    def spins(self) -> tuple[str, ...]: ...
+
+    def task_coordinates(self) -> tuple[TaskCoordinate, ...]: ...
+
+    def task_values(self, state: Any, what: Sequence[str] | None = None) -> np.ndarray: ...
+
+    def conditioning(self, state: Any) -> np.ndarray: ...
 
 
 class StateSpace(Protocol):

@@ -27,12 +27,27 @@ from linkwork.mechanism.task import ROTATION, DistanceTo, TaskCoordinate, TurnAb
 
 NEAR_ZERO = 1e-2  # square of an angle below which series are taken
 UPRIGHT = 1e-4  # square of a sine below which series are taken
+SWUNG_BY = {"azimuth": "tilt_x", "tilt": "tilt_y"}  # what both together are held by
 POSE = 13  # numbers of a pose: position (3), orientation row by row (9), angle in the plane
 
 
 def whole_rotation(task: Sequence[TaskCoordinate]) -> bool:
     """Tell whether a task asks for all of the rotation vector."""
     return all(name in task for name in ROTATION)
+
+
+def pointing_of(task: Sequence[TaskCoordinate]) -> tuple[int, int] | None:
+    """Return the places of an azimuth and a tilt that are both in a task."""
+    both = all(name in task for name in SWUNG_BY)
+    return (list(task).index("azimuth"), list(task).index("tilt")) if both else None
+
+
+def held_task(task: tuple[TaskCoordinate, ...]) -> tuple[TaskCoordinate, ...]:
+    """Return the coordinates by which a task is held: tilt (cos azimuth, sin azimuth) instead of an
+    azimuth and a tilt that are both in it, regular where the tool is upright, too."""
+    if pointing_of(task) is None:
+        return task
+    return tuple(SWUNG_BY.get(str(item), item) for item in task)
 
 
 @cache

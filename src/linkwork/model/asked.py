@@ -20,7 +20,7 @@ import numpy as np
 from linkwork.equations import Equations, body_motion
 from linkwork.equations.algebra import SX, matrix_quaternion, wrapped
 from linkwork.equations.effects import rotation_vector
-from linkwork.equations.task import task_map, whole_rotation
+from linkwork.equations.task import held_task, pointing_of, task_map, whole_rotation
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.mechanism import DistanceTo, TurnAbout
@@ -32,7 +32,6 @@ LONG_NAMES = {"rx": "rotation x", "ry": "rotation y", "rz": "rotation z"}
 KNOWN = {"x": 0, "y": 1, "z": 2, "angle": 3}  # places of coordinates in position and angle
 UPRIGHT = "where the tool is upright lead it in tilt_x, tilt_y, or in azimuth and tilt together"
 CURES = {"azimuth": UPRIGHT, "tilt": UPRIGHT}
-SWUNG_BY = {"azimuth": "tilt_x", "tilt": "tilt_y"}  # what both together are held by
 Outputs = Mapping[str, np.ndarray]
 
 
@@ -127,9 +126,7 @@ class ToolAsked:
     @cached_property
     def held(self) -> tuple[TaskCoordinate, ...]:
         """Return the coordinates whose values are held."""
-        if not self.pointing:
-            return self.what
-        return tuple(SWUNG_BY.get(str(item), item) for item in self.what)
+        return held_task(self.what)
 
     @cached_property
     def pointing(self) -> tuple[int, int] | None:
@@ -380,12 +377,6 @@ def mapped_rows(equations: Equations, task: Sequence[TaskCoordinate]) -> tuple[c
 def task_kernel(task: tuple[TaskCoordinate, ...]) -> Kernel:
     """Return the compiled (pose, twist) -> x, E, E' [omega; v] of task coordinates."""
     return compile_function(task_map(task))
-
-
-def pointing_of(task: Sequence[TaskCoordinate]) -> tuple[int, int] | None:
-    """Return the places of an azimuth and a tilt that are both in a task."""
-    both = all(name in task for name in SWUNG_BY)
-    return (list(task).index("azimuth"), list(task).index("tilt")) if both else None
 
 
 def sentence_name(item: TaskCoordinate) -> str:

@@ -92,7 +92,13 @@ def require_independent(robot: Model, task: Task) -> None:
 
 def not_plain(robot: Model) -> str:
     """Say that no task is plain, and what would state one."""
-    names = POSES[robot.planar]
+    names, able = POSES[robot.planar], max(ranks(robot.once(tool_motions)))
+    if able < freedoms(robot):
+        return (
+            f"the robot has {freedoms(robot)} freedoms and its tool moves in {able} of them, so "
+            "that no task leads the robot; give the tool to another body, or name what is asked of "
+            "it"
+        )
     own, task = sum(moving(robot)), names[: freedoms(robot)]
     return (
         f"the tool's pose has {len(names)} coordinates, of which {own} move at home, and the robot "

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.mechanism.task import labels
-from linkwork.model import checks, evaluation, limits, task
+from linkwork.mechanism.task import TaskCoordinate, labels
+from linkwork.model import checks, dexterity, evaluation, limits, task
 from linkwork.model.model import Model
 from linkwork.model.state import State
 
@@ -72,6 +72,22 @@ class Kinematics(Model):
         where neither is.
         """
         return labels(task.task_if_any(self) or ()) if self.mechanism.tools else ()
+
+    def task_coordinates(self) -> tuple[TaskCoordinate, ...]:
+        """Return the coordinates of the `task` as a description states them.
+
+        Raises:
+            LinkworkError: no tool; a stated task that is not one of this robot, or depends on
+                itself; none stated and none plain.
+        """
+        self.require_tool()
+        return task.task_of(self)
+
+    def conditioning(self, state: State) -> np.ndarray:
+        """Return how well the actuators move the tool (...): 1 alike in all directions, 0
+        singular (`linkwork.analysis.dexterity`)."""
+        q = self.own(state).q
+        return dexterity.conditioning(self, q.reshape(-1, q.shape[-1])).reshape(state.batch)
 
     def task_values(self, state: State, what: Sequence[str] | None = None) -> np.ndarray:
         """Return the tool's task coordinates (..., k) [m, rad].
