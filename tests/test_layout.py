@@ -45,9 +45,10 @@ LATER = {
     ("linkwork.simulation.run", "linkwork.views.plots"),
     ("linkwork.simulation.run", "linkwork.model.state"),
     ("linkwork.notebooks", "linkwork.views.notebook"),
+    ("linkwork.robot.facade", "linkwork.export"),
 }
 """What may ask a later module, in a function: a class its own file format; a run its plot, and the
-state in its file; objects their pictures in notebooks."""
+state in its file; objects their pictures in notebooks; a robot its functions for CasADi."""
 
 
 def name_of(path: Path) -> str:

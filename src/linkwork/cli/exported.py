@@ -40,7 +40,7 @@ class Export:
 
 
 @dataclass(frozen=True)
-class Target:
+class ExportTarget:
     """Describe what is written: what it is called, the options that it takes, and what writes
     it."""
 
@@ -109,9 +109,9 @@ def split(names: str | None) -> list[str] | None:
     return None if names is None else [name.strip() for name in names.split(",")]
 
 
-TARGETS: Mapping[str, Target] = {
-    "yaml": Target("a mechanism file", frozenset(), export_yaml),
-    "c": Target(
+TARGETS: Mapping[str, ExportTarget] = {
+    "yaml": ExportTarget("a mechanism file", frozenset(), export_yaml),
+    "c": ExportTarget(
         "C",
         frozenset({"out", "functions", "precision", "sines", "free", "name", "misra"}),
         export_c,

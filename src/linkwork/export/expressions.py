@@ -17,7 +17,7 @@ from linkwork.equations.algebra import SX, matrix_quaternion
 from linkwork.equations.chart import Chart
 from linkwork.equations.effects import rotation_vector
 from linkwork.equations.elimination import solve, weakest
-from linkwork.equations.equations import conditions
+from linkwork.equations.equations import Equations, conditions
 from linkwork.equations.symmetric import solve_symmetric
 from linkwork.equations.task import task_map
 from linkwork.equations.tree import Tree
@@ -39,14 +39,19 @@ def motion(robot: Robot) -> ca.Function:
 
 def inverse_dynamics(robot: Robot) -> ca.Function:
     """Return (q, v, dv) -> u, pivot: the forces of least sum of squares that give dv."""
-    own = functions.inverse_dynamics(robot.equations)
-    if robot.actuators == robot.independent:
-        return own
-    require_driven(robot)
-    equations, dv = robot.equations, SX.sym("dv", robot.mobility)
+    return actuator_forces(robot, robot.equations)
+
+
+def actuator_forces(robot: Robot, equations: Equations) -> ca.Function:
+    """Return the same in any chart."""
+    own = functions.inverse_dynamics(equations)
+    dv = SX.sym("dv", equations.mobility)
     forces, pivot = own(equations.tree.q, equations.v, dv, equations.p)
-    S = equations.actuation
-    outputs = {"u": ca.mtimes(S, solve_symmetric(ca.mtimes(S.T, S), forces)), "pivot": pivot}
+    if robot.actuators != equations.independent:
+        require_driven(robot)
+        S = equations.actuation
+        forces = ca.mtimes(S, solve_symmetric(ca.mtimes(S.T, S), forces))
+    outputs = {"u": forces, "pivot": pivot}
     return functions.function("inverse_dynamics", equations, outputs, v=equations.v, dv=dv)
 
 
@@ -59,15 +64,20 @@ def mass_matrix(robot: Robot) -> ca.Function:
 
 def jacobian(robot: Robot) -> ca.Function:
     """Return q -> J row by row, pivot: x' = J v in the tool's task coordinates."""
+    equations = robot.equations
+    J = ca.vec(task_jacobian(robot, equations).T)
+    outputs = {"J": J, "pivot": equations.elimination.pivot}
+    return functions.function("jacobian", equations, outputs)
+
+
+def task_jacobian(robot: Robot, equations: Equations) -> ca.SX:
+    """Return J (k x n) of x' = J v in the tool's task coordinates."""
     robot.require_tool()
-    equations, task = robot.equations, task_of(robot)
     tool = equations.mechanism.first_tool
     twist, _ = body_motion.tool_twist(equations.tree, tool, equations.rates)
     pose = ca.vertcat(*body_motion.tool_pose(equations.tree, tool))
-    E = task_map(task)(pose, SX.zeros(6))[1]
-    J = ca.mtimes(E, ca.mtimes(twist, equations.elimination.L))
-    outputs = {"J": ca.vec(ca.densify(J).T), "pivot": equations.elimination.pivot}
-    return functions.function("jacobian", equations, outputs)
+    E = task_map(task_of(robot))(pose, SX.zeros(6))[1]
+    return ca.densify(ca.mtimes(E, ca.mtimes(twist, equations.elimination.L)))
 
 
 def closure(robot: Robot) -> ca.Function:

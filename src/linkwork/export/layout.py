@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from linkwork.equations import Equations
 from linkwork.export.identifiers import identifiers
 from linkwork.model.labels import POSES
 from linkwork.robot import Robot
@@ -32,9 +33,10 @@ class ArrayLayout:
         return identifiers((name for name, _ in self.numbers), upper=True)
 
 
-def layouts(robot: Robot) -> Mapping[str, ArrayLayout]:
-    """Return the arrays of a robot by their symbols."""
-    equations = robot.equations
+def layouts(robot: Robot, chart: Equations | None = None) -> Mapping[str, ArrayLayout]:
+    """Return the arrays of a robot by their symbols; chart: whose independent rates are those of v,
+    the robot's own if left out."""
+    equations = chart or robot.equations
     force = {"m": "N", "rad": "N m"}
 
     def rates(names: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
@@ -48,7 +50,7 @@ def layouts(robot: Robot) -> Mapping[str, ArrayLayout]:
             "coordinates of the joints of the spanning tree",
             tuple((name, robot.unit(name)) for name in equations.tree.coordinates),
         ),
-        ArrayLayout("V", "independent rates", rates(robot.independent)),
+        ArrayLayout("V", "independent rates", rates(equations.independent)),
         ArrayLayout(
             "U",
             "forces and torques of the actuators",
@@ -70,8 +72,8 @@ def layouts(robot: Robot) -> Mapping[str, ArrayLayout]:
     # Coordinates that direct kinematics starts from, where each has a rate of its own.
     tree = equations.tree
     single = {tree.rates[k]: tree.coordinates[place] for place, k in tree.single}
-    if all(name in single for name in robot.independent):
-        given = tuple((single[name], robot.unit(name)) for name in robot.independent)
+    if all(name in single for name in equations.independent):
+        given = tuple((single[name], robot.unit(name)) for name in equations.independent)
         found.append(ArrayLayout("A", "coordinates of the independent rates", given))
     # The tool's, where there is one.
     pose = POSES[robot.planar] if robot.mechanism.tools else ()

@@ -22,6 +22,7 @@ from linkwork.runs.settings import settings_of
 
 if TYPE_CHECKING:
     from linkwork.control import Drive, Event, Observation, Wrench
+    from linkwork.export import CasadiFunctions
     from linkwork.formats.references import Reference
     from linkwork.runs.ensemble import Ensemble
     from linkwork.runs.running import Forces
@@ -257,6 +258,23 @@ class Robot(Dynamics, Portrayed):
                 determine the motion there.
         """
         return evaluation.in_chart(self, state, checks.names(independent, "independent"))
+
+    # Functions of CasADi
+
+    def functions(self, chart: State | Sequence[str] | None = None) -> CasadiFunctions:
+        """Return the equations of motion as CasADi functions with named arguments, by name, for
+        optimal control and all else that CasADi does: `linkwork.export.casadi`.
+
+        Args:
+            chart: names of the independent rates, or a state whose independent rates are taken
+                (`in_chart`); those at home if left out.
+
+        Raises:
+            LinkworkError: rates that there are not, or that do not determine the motion there.
+        """
+        from linkwork.export import casadi
+
+        return casadi(self, chart)
 
     # Simulation
 

@@ -1,0 +1,170 @@
+"""The wrenches in all joints as a CasADi function: one sparse system of linear equations.
+
+Unknown are the wrench W_k = [moment about the origin of F2; force] of every joint, that of a rod a
+tension along it, and the multiplier mu of every gear. With the loads of `equations.reactions`,
+
+    sum of the wrenches on a body = what it needs                     (6 for each body)
+    S' W = f + G' mu along every joint rate but the independent ones
+
+The motions that joints and gears allow are the left null space of these equations, and the rates of
+a chart determine them: without those along the independent rates the equations are independent
+wherever the chart is good. Where constraints depend on each other, of all solutions the one with
+the least constraint wrenches W - P (f + G' mu), moments over a length, and multipliers is taken,
+as by `Robot.reactions`:
+
+    x, nu:    M' M x + C' nu = M' k,    C x = d
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import casadi as ca
+
+from linkwork.equations import Equations
+from linkwork.equations.algebra import SX
+from linkwork.equations.joints import held_length
+from linkwork.equations.reactions import joint_loads
+from linkwork.mechanism import GROUND
+from linkwork.model.reactions import spread
+from linkwork.robot import Robot
+
+MOMENT = ca.DM([1, 1, 1, 0, 0, 0])
+
+
+class ScaledLoads(NamedTuple):
+    """Hold what bodies need (6r), mass centres (3r), origins of F1 and F2 (6J), a twist of each
+    rate (6m) and forces on the rates (m), with lengths over one length."""
+
+    needed: ca.SX
+    centres: ca.SX
+    origins: ca.SX
+    twists: ca.SX
+    f: ca.SX
+
+
+def reactions(robot: Robot, equations: Equations) -> ca.Function:
+    """Return (q, v, u) -> the wrenches [moment; force] (6 x joints) that joints exert on their
+    second bodies, about the origins of F1 in the ground's axes, and the weakest relative pivot."""
+    q, v, p, u = equations.tree.q, equations.v, equations.p, SX.sym("u", len(robot.actuators))
+    # The loads in the motion that the forces give.
+    dv = equations.accelerations(ca.mtimes(equations.actuation.T, u))
+    *loads, pivot = joint_loads(equations)(q, v, dv, u, SX(0, 1), p)
+    length, joints, bodies = spread(robot), len(equations.mechanism.pairs), len(robot.bodies)
+    unit = ca.DM([length] * 3 + [1] * 3)
+    needed, centres, origins, twists, f = loads
+    rates = f.numel()
+    scaled = ScaledLoads(
+        needed / ca.repmat(unit, bodies, 1),
+        centres / length,
+        origins / length,
+        twists * ca.repmat(unit, rates, 1),
+        f,
+    )
+    # The system, and its unknowns as wrenches about the origins of F1.
+    E, K, right = system(equations, scaled)
+    inputs, names = [q, v, u, p], ["q", "v", "u", "p"]
+    parts = ca.Function(
+        "balance",
+        inputs,
+        [K, right, about_first(origins, joints) @ ca.diagcat(*[ca.diag(unit)] * joints) @ E, pivot],
+        {"cse": True},
+    )
+    used = 4 if p.numel() else 3
+    given = [ca.MX.sym(name, each.numel()) for name, each in zip(names, inputs, strict=True)]
+    given[used:] = []
+    K, right, shown, pivot = parts(*given, *[ca.MX(0, 1)] * (4 - used))
+    x = ca.solve(K, right, "qr")
+    wrenches = ca.reshape(shown @ x[: shown.shape[1]], 6, joints)
+    outputs = [ca.densify(wrenches), pivot]
+    return ca.Function("reactions", given, outputs, names[:used], ["wrenches", "pivot"])
+
+
+def system(equations: Equations, loads: ScaledLoads) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return E (6J x unknowns) of the joints' wrenches E y, about the origins of F2, and the matrix
+    and the right side of the equations in (y, mu, nu)."""
+    mechanism = equations.mechanism
+    pairs, gears = mechanism.pairs, mechanism.gears.values()
+    labels = mechanism.rates
+    origins = ca.vertsplit(loads.origins, 3) if pairs else []
+    # What a joint can transmit, and what its rates take: a rod has a tension only.
+    E = ca.diagcat(
+        SX(0, 0),
+        *(
+            tension(origins[2 * k], origins[2 * k + 1])
+            if held_length(joint) is not None
+            else SX.eye(6)
+            for k, joint in enumerate(pairs.values())
+        ),
+    )
+    S, P = along_rates(equations, loads.twists)
+    G = SX(len(gears), len(labels))
+    for row, gear in enumerate(gears):
+        for label, ratio in gear.ratios.items():
+            G[row, labels.index(label)] = ratio
+    # The balance of bodies, and along all rates but the independent ones.
+    left = [k for k, label in enumerate(labels) if label not in equations.independent]
+    C = ca.vertcat(
+        ca.horzcat(
+            on_bodies(equations, loads.centres, origins) @ E,
+            SX(6 * len(mechanism.bodies), len(gears)),
+        ),
+        ca.horzcat(S @ E, -G.T)[left, :],
+    )
+    d = ca.vertcat(loads.needed, loads.f[left, :])
+    # Least constraint wrenches and multipliers.
+    M = ca.vertcat(
+        ca.horzcat(E, -P @ G.T), ca.horzcat(SX(G.shape[0], E.shape[1]), SX.eye(G.shape[0]))
+    )
+    known = ca.vertcat(P @ loads.f, SX(G.shape[0], 1))
+    K = ca.vertcat(ca.horzcat(M.T @ M, C.T), ca.horzcat(C, SX(C.shape[0], C.shape[0])))
+    return E, ca.sparsify(K), ca.densify(ca.vertcat(M.T @ known, d))
+
+
+def tension(first: ca.SX, second: ca.SX) -> ca.SX:
+    """Return the unit wrench (6) of a rod from one origin to the other."""
+    return ca.vertcat(SX(3, 1), (second - first) / ca.norm_2(second - first))
+
+
+def along_rates(equations: Equations, twists: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return S' (m x 6J), the twists of all joint rates, and P (6J x m), the moment about the axis
+    of a turn, or the force along a slide, that does unit work on each."""
+    found, place = ca.vertsplit(twists, 6) if twists.numel() else [], 0
+    S, P = SX(0, 0), SX(0, 0)
+    for name, joint in equations.mechanism.pairs.items():
+        own = found[place : place + len(joint.rates(name))]
+        place += len(own)
+        acting = [twist * MOMENT if turns(twist) else twist for twist in own]
+        S = ca.diagcat(S, ca.vertcat(SX(0, 6), *[twist.T for twist in own]))
+        P = ca.diagcat(P, ca.horzcat(SX(6, 0), *[each / ca.sumsqr(each) for each in acting]))
+    return S, P
+
+
+def turns(twist: ca.SX) -> bool:
+    """Tell whether a twist turns at all."""
+    return any(not twist[k].is_zero() for k in range(3))
+
+
+def on_bodies(equations: Equations, centres: ca.SX, origins: list[ca.SX]) -> ca.SX:
+    """Return what wrenches about the origins of F2 (6J) are on the bodies, about their mass centres
+    (6r x 6J)."""
+    bodies, pairs = list(equations.mechanism.bodies), equations.mechanism.pairs
+    A = SX(6 * len(bodies), 6 * len(pairs))
+    for k, joint in enumerate(pairs.values()):
+        for body, sign in zip(joint.connects, (-1, 1), strict=True):
+            if body != GROUND:
+                b = bodies.index(body)
+                arm = origins[2 * k + 1] - centres[3 * b : 3 * b + 3]
+                A[6 * b : 6 * b + 6, 6 * k : 6 * k + 6] = sign * shift(arm)
+    return A
+
+
+def about_first(origins: ca.SX, joints: int) -> ca.SX:
+    """Return what wrenches about the origins of F2 (6J) are about those of F1."""
+    ends = ca.vertsplit(origins, 3) if joints else []
+    return ca.diagcat(SX(0, 0), *(shift(ends[2 * k + 1] - ends[2 * k]) for k in range(joints)))
+
+
+def shift(arm: ca.SX) -> ca.SX:
+    """Return what a wrench at the end of an arm is at its beginning: moment + arm x force."""
+    return ca.vertcat(ca.horzcat(SX.eye(3), ca.skew(arm)), ca.horzcat(SX(3, 3), SX.eye(3)))
