@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from linkwork.model import charts
 from linkwork.model.tabled import tabled, varying
 from linkwork.runs.system import system
 from linkwork.simulation import partitioned
+from linkwork.simulation.vectors import LANES
 
 from tests.oracle.random_joints import random_loops
 
@@ -242,3 +245,80 @@ def test_what_a_table_began_to_measure_is_measured_to_the_end(monkeypatch):
     for chart in robot.run_charts.values():
         chart.count(charts.OWN)
     np.testing.assert_array_equal(runs[1]["joint_acceleration"].values, expected)
+
+
+def in_lanes(address: int, x: np.ndarray, n_out: int) -> np.ndarray:
+    """Return the outputs (LANES, n_out) of what evaluates states side by side; x: (LANES, n_in)."""
+    held = [np.zeros(size * len(x) + 8) for size in (x.shape[1], n_out)]
+    starts = [-part.ctypes.data % 64 // 8 for part in held]
+    given, found = (
+        part[start : start + part.size - 8].reshape(-1, len(x))
+        for part, start in zip(held, starts, strict=True)
+    )
+    given[:] = x.T
+    kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+    kind(address)(given.ctypes.data, found.ctypes.data)
+    return found.T
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_states_side_by_side_are_as_each_alone(case):
+    """To the last digit, with a singular state in one of the lanes; every entry."""
+    make, free = CASES[case]
+    robot = lw.Robot(make(), free=free)
+    rng, q = np.random.default_rng(4), robot.home.q
+    chart = robot.chart.better(q, ())
+    for name in (*NAMES, "tree_motion"):
+        one, wide = (
+            tabled(robot.chart.compiled, chart.equations, name, wide=side) for side in (False, True)
+        )
+        more = rng.normal(size=(LANES, one.n_in - q.size - robot.p.size))
+        near = q + 1e-3 * rng.normal(size=(LANES, q.size))
+        x = np.hstack([near, more, np.broadcast_to(robot.p, (LANES, robot.p.size))])
+        x[-1, : q.size] = np.nan
+        expected = np.array([one.flat(state) for state in x])
+        found = in_lanes(wide.address, x, one.n_out)
+        np.testing.assert_array_equal(found[:-1], expected[:-1])
+        assert np.isnan(found[-1]).any()
+
+
+@pytest.mark.parametrize("acted", [False, True])
+def test_ensembles_by_tables_are_those_of_compiled_charts(acted, monkeypatch):
+    """Of members that go through many charts, none of which gets kernels of its own; events, too.
+
+    Each is, to the last digit, what it is when it runs alone.
+    """
+    options, found = {"duration": 1.0, "rtol": 1e-10, "atol": 1e-12, "samples": 5}, []
+    if acted:
+        options["drives"] = dict.fromkeys(lw.robots.rrr3().actuators, Lag(0.05))
+        options["events"] = [Event(lambda t, state: state.rate(state.names.actuators[1]))]
+    for large in (10**9, 0):
+        monkeypatch.setattr(charts, "LARGE", large)
+        robot = lw.Robot(lw.robots.rrr3())
+        start = robot.home.with_rates([4.0, -3.0, 2.0])
+        forces = np.linspace(-0.5, 0.5, 9)[:, None] * [1.0, 0.0, -1.0]
+        ran = robot.ensemble(start, forces, **options)
+        assert ran.success and len(robot.run_charts) > 1
+        others = [chart for chart in robot.run_charts.values() if chart.home is not None]
+        found.append([ran.dataset[name].values for name in ("joint_position", "joint_rate")])
+        assert any("closure_step" in chart._kernels for chart in others) == (large > 0)
+        alone = robot.simulate(start, forces[3], **options)
+        np.testing.assert_array_equal(
+            ran.dataset["joint_position"].values[3], alone["joint_position"].values
+        )
+    for own, told in zip(*found, strict=True):
+        np.testing.assert_allclose(told, own, atol=1e-6)
+
+
+def test_what_is_bound_has_a_function_of_its_own_as_long_as_it_lives():
+    """Many at a time; those that are left are given to others."""
+    robot = lw.Robot(lw.robots.five_bar())
+    equations, q = robot.equations, robot.home.q
+    held = [tabled(robot.chart.compiled, equations, name) for name in NAMES for _ in range(50)]
+    assert len({each.address for each in held}) == len(held)
+    freed = held.pop().address
+    other = tabled(robot.chart.compiled, equations, "closure_step")
+    assert other.address == freed
+    np.testing.assert_array_equal(
+        other.flat(q), robot.chart.kernel("closure_step").flat(q, robot.p)
+    )

@@ -112,17 +112,24 @@ class CompiledChart:
         """
         return self.by_table(name) if self.told() else self.kernel(name)
 
+    def closing_side_by_side(self, states: int) -> int:
+        """Return the address of closure_step for states side by side, when so many are
+        evaluated."""
+        if self.told(states):
+            return self.by_table("closure_step", None, True).address
+        return self.kernel("closure_step").wide_address
+
     def told(self, states: int = 1) -> bool:
-        """Whether a table tells the chart when so many states are evaluated one by one."""
+        """Whether a table tells the chart when so many states are evaluated."""
         return self.home is not None and self.home.large and self._counted[0] + states <= OWN
 
     def count(self, evaluations: int) -> None:
-        """Count how often the chart was evaluated one by one."""
+        """Count how often the chart was evaluated."""
         self._counted[0] += evaluations
 
     @cached_property
     def by_table(self) -> Callable[..., BoundFunction]:
-        """Return `tabled` functions of this chart, by name and what acts."""
+        """Return `tabled` functions of this chart, by name, what acts, and for how many states."""
         shared = self.home or self
         return lru_cache(maxsize=None)(partial(tabled, shared.compiled, self.equations))
 
@@ -235,6 +242,9 @@ class CompiledChart:
         if q.ndim == v.ndim == p.ndim == 1:
             w = self.single("tree_rates").flat(q, v, p)
             return w[:-1], w[-1]
+        if q.ndim == 2 and self.told(len(q)):
+            found = self.by_table("tree_rates").rows(q, v, p)
+            return np.ascontiguousarray(found[:, :-1]), found[:, -1]
         w, pivot = self.kernel("tree_rates")(q, v, p)
         return w, pivot[..., 0]
 

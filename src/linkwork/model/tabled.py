@@ -28,14 +28,19 @@ BESIDE = {
 
 
 def tabled(
-    compiled: Compiled, equations: Equations, name: str, acting: Kernel | None = None
+    compiled: Compiled,
+    equations: Equations,
+    name: str,
+    acting: Kernel | None = None,
+    wide: bool = False,
 ) -> BoundFunction:
     """Return motion, closure_step, tree_rates, tree_motion or what is seen of equations in a
-    chart, for one state.
+    chart.
 
     compiled: returns the kernel of a function of these equations, under a key for all charts
     acting: of (q, w, z, r, p), in place of plain forces: `Joined.balance` of motion, or what is
         seen
+    wide: for states side by side, as a kernel's `wide_address`, in place of one state
     """
     from linkwork.simulation import partitioned  # Numba is opened when a run needs it
 
@@ -44,7 +49,8 @@ def tabled(
         kernels.append(acting)
     elif name in BESIDE:
         kernels.append(compiled(f"uncharted {name}", BESIDE[name]))
-    addresses = [*(kernel.address for kernel in kernels), 0][: partitioned.ADDRESSES]
+    found = [kernel.wide_address if wide else kernel.address for kernel in kernels]
+    addresses = [*found, 0][: partitioned.ADDRESSES]
     told = sizes(equations, acting)
     table = np.array(
         [
@@ -63,7 +69,7 @@ def tabled(
         "tree_motion": (nq + 2 * n + parameters, 2 * nv),
         "seen": (given, kernels[-1].n_out),
     }
-    return BoundFunction(partitioned.entry(name), table, *shapes[name], *kernels)
+    return BoundFunction(partitioned.entry(name, wide), table, *shapes[name], *kernels)
 
 
 def sizes(equations: Equations, acting: Kernel | None = None) -> tuple[int, ...]:

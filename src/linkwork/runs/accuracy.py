@@ -202,14 +202,16 @@ def reached(segments: Sequence[Segment]) -> tuple[np.ndarray, np.ndarray]:
     t, y = [], []
     for segment in segments:
         part, known, equations = segment.trajectory, segment.crossed, segment.chart.equations
-        n, rates = equations.mobility, segment.chart.kernel("tree_rates")
+        n, chart = equations.mobility, segment.chart
         if known:  # rates do not follow from states near the pose
-            w = rates(*np.split(known.y, [equations.nq, equations.nq + n], axis=1)[:2])[0]
+            q, v, _ = np.split(known.y, [equations.nq, equations.nq + n], axis=1)
+            w, _ = chart.weighed(q, v, chart.p)
             t.append(part.t)
             y.append(np.column_stack([part.q, known.through(w, part.t), part.v[:, n:]]))
             continue
         q, v = np.vstack([part.q, part.q_end]), np.vstack([part.v, part.v_end])
         t.append(np.append(part.t, part.end_time))
-        y.append(np.column_stack([q, rates(q, v[:, :n])[0], v[:, n:]]))
+        w, _ = chart.weighed(q, v[:, :n], chart.p)
+        y.append(np.column_stack([q, w, v[:, n:]]))
     times, first = np.unique(np.concatenate(t), return_index=True)
     return times, np.concatenate(y)[first]

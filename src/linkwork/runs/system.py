@@ -138,12 +138,20 @@ class System:
             return chart.single(name)
         return self.by_table(chart, name) if self.told(chart) else self.kernel(chart, name)
 
-    def by_table(self, chart: CompiledChart, name: str) -> BoundFunction:
-        """Return what evaluates one state by a table, however often the chart was used."""
+    def by_table(self, chart: CompiledChart, name: str, wide: bool = False) -> BoundFunction:
+        """Return what evaluates one state, or states side by side, by a table, however often the
+        chart was used."""
         if self.acting is None:
-            return chart.by_table(name)
+            return chart.by_table(name, None, wide)
         entry, asked = ("motion", "balance") if name == "motion" else ("seen", name)
-        return chart.by_table(entry, self.kernel(chart.free, asked))
+        return chart.by_table(entry, self.kernel(chart.free, asked), wide)
+
+    def side_by_side(self, chart: CompiledChart, name: str, states: int) -> int:
+        """Return the address of what evaluates states side by side, motion or events: a kernel, or
+        a table in charts of which these are told by tables when so many states are evaluated."""
+        if self.told(chart, states):
+            return self.by_table(chart, name, wide=True).address
+        return self.kernel(chart, name).wide_address
 
     def told(self, chart: CompiledChart, states: int = 1) -> bool:
         """Whether a table tells the chart when so many states are evaluated one by one."""

@@ -6,36 +6,45 @@
 
 by Gauss and Jordan's elimination in the order that the table holds, so that one machine code serves
 all charts of a mechanism: slower than code of a chart's own, and there at once. The results are the
-same but for rounding.
+same but for rounding. The same source is compiled for one state and for states side by side
+(`abreast`).
 
 The table holds, as doubles: the sizes nq, nv, n, d (dependent rates), rows, inputs, parameters,
 blocks, and of what acts the states z, which are the first of the inputs, and parameters of its own;
-the addresses of two kernels (`equations.uncharted`): closure, and what an entry asks beside: forces
-of motion, moved of closure_step, bias of tree_motion, of seen any function of (q, w, inputs,
-parameters); the independent rates (n); the dependent ones and the kept rows (d each) in the order
-of elimination; and for each block of it how many they are, the scale of its determinant, and
-whether that varies.
+the addresses of two kernels, of one state or of states side by side (`equations.uncharted`):
+closure, and what an entry asks beside: forces of motion, moved of closure_step, bias of
+tree_motion, of seen any function of (q, w, inputs, parameters); the independent rates (n); the
+dependent ones and the kept rows (d each) in the order of elimination; and for each block of it how
+many they are, the scale of its determinant, and whether that varies.
 """
 
 from __future__ import annotations
 
-import math
 from functools import cache
 
-import numpy as np
 from numba import cfunc, njit, types
 
-from linkwork.simulation.pointers import POINTER, call, pointer
+from linkwork.simulation.abreast import (
+    ROWS,
+    bounded,
+    evaluate,
+    matters,
+    room,
+    weaker,
+    within,
+    zero,
+)
+from linkwork.simulation.compiled import ARITHMETIC
+from linkwork.simulation.pointers import POINTER
 
 HIDDEN = 1e-13  # part of a product that rounding hides
 SIZES, ADDRESSES = 10, 2
 INVERSE = 9  # numbers of the largest block's inverse
 
-OPTIONS = {"error_model": "numpy", "nogil": True}
-ENTRY = types.void(POINTER, POINTER, POINTER)
+ONE, WIDE = types.void(POINTER, POINTER, POINTER), types.void(ROWS, ROWS, POINTER)
 
 
-@njit(**OPTIONS)
+@njit(**ARITHMETIC)
 def sized(t):
     """Return nq, nv, n, d, rows, inputs, parameters, blocks; `acts` has the others."""
     return (
@@ -50,12 +59,12 @@ def sized(t):
     )
 
 
-@njit(**OPTIONS)
+@njit(**ARITHMETIC)
 def inverted(W, width, k, size, inverse):
     """Invert a block of up to three rows and columns by cofactors; return its determinant."""
     a = W[k * width + k]
     if size == 1:
-        inverse[0] = 1 / a
+        inverse[0] = 1.0 / a
         return a
     b, c, e = W[k * width + k + 1], W[(k + 1) * width + k], W[(k + 1) * width + k + 1]
     if size == 2:
@@ -73,7 +82,7 @@ def inverted(W, width, k, size, inverse):
     return det
 
 
-@njit(**OPTIONS)
+@njit(**ARITHMETIC)
 def eliminated(t, Phi, W):
     """Fill W (d x (d + n + d)) with [1, L_d, Phi_u^-1] in the order of elimination; return the
     weakest relative pivot.
@@ -93,20 +102,17 @@ def eliminated(t, Phi, W):
         for j in range(n):
             W[i * width + d + j] = -Phi[int(independent[j]) * rows + row]
     # Block by block: its rows are solved, and taken out of all others.
-    room = np.empty(INVERSE + 3)
-    inverse = pointer(room)
-    solved = inverse + INVERSE
-    weakest, first = 0.0, True
+    kept_alive = room(INVERSE + 4, W)
+    inverse = within(kept_alive, W)
+    solved, weakest, first = inverse + INVERSE, inverse + (INVERSE + 3), True
+    weakest[0] = 1.0
     k = 0
     for block in range(blocks):
         size, scale = int(order[3 * block]), order[3 * block + 1]
         pivot = inverted(W, width, k, size, inverse) / scale
         if order[3 * block + 2] != 0:
-            if first:
-                weakest, first = pivot, False
-            else:
-                least = min(abs(weakest), abs(pivot))
-                weakest = math.copysign(least, min(weakest, pivot))
+            weakest[0] = pivot if first else weaker(weakest[0], pivot)
+            first = False
         for j in range(k + size, width):
             for a in range(size):
                 solved[a] = 0.0
@@ -118,15 +124,16 @@ def eliminated(t, Phi, W):
             if i < k or i >= k + size:
                 for a in range(size):
                     factor = W[i * width + k + a]
-                    if factor != 0:
+                    if matters(factor):
                         for j in range(k + size, width):
                             W[i * width + j] -= factor * W[(k + a) * width + j]
         k += size
-    room[0] = 0  # its memory lives to here
-    return 1.0 if first else weakest
+    found = weakest[0]
+    kept_alive[0] = 0  # its memory lives to here
+    return found
 
 
-@njit(**OPTIONS)
+@njit(**ARITHMETIC)
 def opened(t, q, p, W, work):
     """Evaluate phi, Phi and the largest gap into the work, from its number nq + parameters on, and
     eliminate; return the weakest relative pivot.
@@ -137,11 +144,11 @@ def opened(t, q, p, W, work):
     for i in range(parameters):
         work[nq + i] = p[i]
     found = work + (nq + parameters)
-    call(int(t[SIZES]), work, found)
+    evaluate(int(t[SIZES]), work, found)
     return eliminated(t, found + rows, W)
 
 
-@njit(**OPTIONS)
+@njit(**ARITHMETIC)
 def whole(t, W, v, w):
     """Fill w = L v (nv)."""
     _, _, n, d, _, _, _, _ = sized(t)
@@ -150,24 +157,24 @@ def whole(t, W, v, w):
     for j in range(n):
         w[int(independent[j])] = v[j]
     for i in range(d):
-        total = 0.0
+        total = zero(v)
         for j in range(n):
             total += W[i * width + d + j] * v[j]
         w[int(columns[i])] = total
 
 
-@njit(**OPTIONS)
+@njit(**ARITHMETIC)
 def solved_positive(M, n, b):
     """Replace b by the solution of M x = b for a symmetric positive M (n x n), by M = L D L'; not
     finite where M is singular but for rounding."""
-    lost = 0.0
+    lost = zero(M)
     for j in range(n):
         largest = M[j * n + j]
         for i in range(j):
             M[j * n + j] -= M[i * n + j] * M[j * n + i]
-        inverse = 1 / M[j * n + j]
+        inverse = 1.0 / M[j * n + j]
         if j > 0:
-            lost += (largest * inverse) ** 2
+            lost += (largest * inverse) * (largest * inverse)
         for k in range(j + 1, n):
             for i in range(j):
                 M[j * n + k] -= M[i * n + k] * M[j * n + i]
@@ -180,17 +187,16 @@ def solved_positive(M, n, b):
     for j in range(n - 1, -1, -1):
         for k in range(j + 1, n):
             b[j] -= M[k * n + j] * b[k]
-    if not lost < HIDDEN**-2:
-        b[0] = math.inf
+    b[0] = bounded(lost, HIDDEN**-2, b[0])
 
 
-@njit(**OPTIONS)
+@njit(**ARITHMETIC)
 def acts(t):
     """Return numbers of the states z and the parameters of what acts."""
     return int(t[8]), int(t[9])
 
 
-@njit(**OPTIONS)
+@njit(**ARITHMETIC)
 def in_tree(t, x, W, work):
     """Fill work with (q, w, inputs, parameters) from x = (q, v, inputs, parameters); return the
     weakest relative pivot."""
@@ -204,7 +210,7 @@ def in_tree(t, x, W, work):
     return pivot
 
 
-@njit(**OPTIONS)
+@njit(**ARITHMETIC)
 def biased(t, W, gamma, b):
     """Fill b_d (d) in the order of elimination."""
     _, _, n, d, _, _, _, _ = sized(t)
@@ -224,12 +230,13 @@ def motion(x, out, t):
     columns, width = independent + n, n + 2 * d
     given = nq + nv + inputs + parameters + own
     found = nq + nv * nv + nv + rows + states + 1
-    room = np.empty(d * width + given + found + rows * (nv + 1) + 1 + 2 * d * n + n * n + 2 * d)
-    W = pointer(room)
+    size = d * width + given + found + rows * (nv + 1) + 1 + 2 * d * n + n * n + 2 * d
+    kept_alive = room(size, x)
+    W = within(kept_alive, x)
     work = W + d * width
     # Forces on the tree's rates, z', and 1 where all of it is defined.
     pivot, terms = in_tree(t, x, W, work), work + given
-    call(int(t[SIZES + 1]), work, terms)
+    evaluate(int(t[SIZES + 1]), work, terms)
     H, forces = terms + nq, terms + (nq + nv * nv)
     gamma, b = forces + nv, terms + found
     HL, M, rates = b + d, b + (d + d * n), forces + (nv + rows)
@@ -249,7 +256,7 @@ def motion(x, out, t):
             HL[i * n + j] = H[int(independent[j]) * nv + row]
         for k in range(d):
             factor = H[int(columns[k]) * nv + row]
-            if factor != 0:
+            if matters(factor):
                 for j in range(n):
                     HL[i * n + j] += factor * W[k * width + d + j]
     for i in range(n):
@@ -269,7 +276,7 @@ def motion(x, out, t):
         for k in range(d):
             result[i] += W[k * width + d + i] * forces[int(columns[k])]
     solved_positive(M, n, result)
-    room[0] = 0  # its memory lives to here
+    kept_alive[0] = 0  # its memory lives to here
 
 
 def closure_step(x, out, t):
@@ -278,43 +285,44 @@ def closure_step(x, out, t):
     nq, nv, n, d, rows, _, parameters, _ = sized(t)
     columns, width = t + (SIZES + ADDRESSES + n), n + 2 * d
     kept = columns + d
-    room = np.zeros(d * width + nq + nv + parameters + rows * (nv + 1) + 1)
-    W = pointer(room)
-    work = W + d * width
+    size = d * width + nq + parameters + rows * (nv + 1) + 1
+    kept_alive = room(size + nq + nv + parameters, x)
+    W = within(kept_alive, x)
+    work, s = W + d * width, W + size
     opened(t, x, x + nq, W, work)
     phi = work + (nq + parameters)
     out[nq] = phi[rows * (nv + 1)]
-    step = np.zeros(nq + nv + parameters)
-    s = pointer(step)
     for i in range(nq):
         s[i] = x[i]
+    for i in range(nv):
+        s[nq + i] = 0.0
     for i in range(d):
         place = nq + int(columns[i])
         for j in range(d):
             s[place] -= W[i * width + d + n + j] * phi[int(kept[j])]
     for i in range(parameters):
         s[nq + nv + i] = x[nq + i]
-    call(int(t[SIZES + 1]), s, out)
-    step[0] = room[0] = 0  # their memory lives to here
+    evaluate(int(t[SIZES + 1]), s, out)
+    kept_alive[0] = 0  # its memory lives to here
 
 
 def tree_rates(x, out, t):
     """Compute (q, v, p) -> w = L v and the weakest relative pivot."""
     nq, nv, n, d, rows, _, parameters, _ = sized(t)
-    room = np.empty(d * (n + 2 * d) + nq + parameters + rows * (nv + 1) + 1)
-    W = pointer(room)
+    kept_alive = room(d * (n + 2 * d) + nq + parameters + rows * (nv + 1) + 1, x)
+    W = within(kept_alive, x)
     pivot = opened(t, x, x + (nq + n), W, W + d * (n + 2 * d))
     whole(t, W, x + nq, out)
     out[nv] = pivot
-    room[0] = 0  # its memory lives to here
+    kept_alive[0] = 0  # its memory lives to here
 
 
 def tree_motion(x, out, t):
     """Compute (q, v, v', p) -> w = L v and w' = L v' + b."""
     nq, nv, n, d, rows, _, parameters, _ = sized(t)
     columns, given = t + (SIZES + ADDRESSES + n), nq + nv + parameters
-    room = np.empty(d * (n + 2 * d) + given + rows * (nv + 1) + 1 + d)
-    W = pointer(room)
+    kept_alive = room(d * (n + 2 * d) + given + rows * (nv + 1) + 1 + d, x)
+    W = within(kept_alive, x)
     work = W + d * (n + 2 * d)
     # gamma of q and w.
     opened(t, x, x + (nq + 2 * n), W, work)
@@ -324,40 +332,41 @@ def tree_motion(x, out, t):
     for i in range(parameters):
         work[nq + nv + i] = x[nq + 2 * n + i]
     gamma = work + given
-    call(int(t[SIZES + 1]), work, gamma)
+    evaluate(int(t[SIZES + 1]), work, gamma)
     # b is zero but for b_d.
     b = gamma + rows
     biased(t, W, gamma, b)
     whole(t, W, x + (nq + n), out + nv)
     for i in range(d):
         out[nv + int(columns[i])] += b[i]
-    room[0] = 0  # its memory lives to here
+    kept_alive[0] = 0  # its memory lives to here
 
 
 def seen(x, out, t):
     """Compute (q, v, inputs, parameters) -> the table's function of (q, w, inputs, parameters)."""
     nq, nv, n, d, rows, inputs, parameters, _ = sized(t)
     given = nq + nv + inputs + parameters + acts(t)[1]
-    room = np.empty(d * (n + 2 * d) + given + rows * (nv + 1) + 1)
-    W = pointer(room)
+    kept_alive = room(d * (n + 2 * d) + given + rows * (nv + 1) + 1, x)
+    W = within(kept_alive, x)
     work = W + d * (n + 2 * d)
     in_tree(t, x, W, work)
-    call(int(t[SIZES + 1]), work, out)
-    room[0] = 0  # its memory lives to here
+    evaluate(int(t[SIZES + 1]), work, out)
+    kept_alive[0] = 0  # its memory lives to here
 
 
 ENTRIES = {each.__name__: each for each in (motion, closure_step, tree_rates, tree_motion, seen)}
 
 
 @cache
-def entry(name: str) -> int:
+def entry(name: str, wide: bool = False) -> int:
     """Return the address of void(const double *in, double *out, const double *table), by the name
-    of one of ENTRIES; compiled once on a machine where Numba can keep it."""
-    function = ENTRIES[name]
+    of one of ENTRIES, for one state or for states side by side; compiled once on a machine where
+    Numba can keep it."""
+    function, kind = ENTRIES[name], WIDE if wide else ONE
     try:
-        compiled = cfunc(ENTRY, cache=True, **OPTIONS)(function)
+        compiled = cfunc(kind, cache=True, **ARITHMETIC)(function)
     except RuntimeError:  # Numba found no folder that it may write to
-        compiled = cfunc(ENTRY, **OPTIONS)(function)
+        compiled = cfunc(kind, **ARITHMETIC)(function)
     KEPT.append(compiled)
     assert compiled.address is not None
     return compiled.address
