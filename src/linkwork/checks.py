@@ -31,6 +31,13 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     return f" (did you mean {near[0]}?)" if near else ""
 
 
+def amount(number: int, what: str) -> str:
+    """Return a number of things with their name: "1 joint", "2 bodies"."""
+    if number == 1:
+        return f"1 {what}"
+    return f"{number:,} {what[:-1]}ies" if what.endswith("dy") else f"{number:,} {what}s"
+
+
 def finite(values: ArrayLike, what: str) -> np.ndarray:
     """Return values as floats; refuse what is not a finite number."""
     if isinstance(values, float | int) and isfinite(values):

@@ -1,6 +1,8 @@
 """Identification: the number of base parameters, known values recovered from noisy runs, better
 motions for it."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -57,6 +59,18 @@ def test_six_joints_with_a_spherical_wrist_have_thirty_six():
     """Khalil & Dombre 2002, sec. 9.4: 40 of the Staubli RX-90, of the same build, four of them
     rotors."""
     assert len(base_parameters(built("puma560"))) == 36
+
+
+def test_base_parameters_have_the_unit_of_the_first_in_each():
+    expected = {"mass": "kg", "first_moment": "kg m", "inertia_at_origin": "kg m^2"}
+    expected |= {"viscous": "N m s/rad", "coulomb": "N m", "rotor_inertia": "kg m^2"}
+    base = base_parameters(built("puma560"), ("joint_2.friction.viscous",))
+    for name, unit in zip(base.names, base.units, strict=True):
+        first = re.split(r" [+-] ", name)[0].split()[-1]
+        (kind,) = [part for part in first.split(".") if part in expected]
+        assert unit == expected[kind]
+    slides = base_parameters(built("prr3"), ("slide_1.friction.viscous",))
+    assert slides.units[slides.names.index("slide_1.friction.viscous")] == "N s/m"
 
 
 def test_the_link_s_length_is_in_the_combinations():

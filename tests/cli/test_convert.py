@@ -1,5 +1,7 @@
 """`linkwork convert`: what it writes, what it says, what it refuses."""
 
+import json
+
 import pytest
 from typer.testing import CliRunner
 
@@ -67,3 +69,10 @@ def test_refusals_are_one_sentence(source, target, words, tmp_path, monkeypatch)
     (tmp_path / "bad.xml").write_text("<mujoco")
     assert words in refused(source, target)
     assert not (tmp_path / target).exists()
+
+
+def test_counts_are_data(tmp_path):
+    result = call("prr3", tmp_path / "robot.yaml", "--json")
+    found = json.loads(result.stdout)
+    assert (found["bodies"], found["joints"]) == (7, {"prismatic": 3, "revolute": 6})
+    assert found["actuators"] == ["slide_1", "slide_2", "slide_3"]

@@ -40,12 +40,16 @@ def test_a_study_ends_in_a_table_and_plots(tmp_path, monkeypatch):
         "plots.svg",
     }
     again = call("sweep", "carts.yaml", "--threads", 1)
-    assert "4 chunks were finished before" in again.stdout
+    assert "finished before: 4 chunks" in again.stdout
     (tmp_path / "carts" / "results.zarr" / "end" / "c" / "1").write_bytes(b"nonsense")
-    assert (
-        "1 chunks were corrupted on disk and have been computed again"
-        in call("sweep", "carts.yaml").stdout
-    )
+    assert "corrupted on disk and computed again: 1 chunk" in call("sweep", "carts.yaml").stdout
+
+
+def test_a_study_of_which_nobody_reaches_the_end_exits_with_1(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    file(tmp_path, SMALL.replace("duration: 0.5", "duration: 0.5\nmax_steps: 1"))
+    result = call("sweep", "carts.yaml")
+    assert result.exit_code == 1 and "64 too_many_steps" in result.stdout
 
 
 def test_refusals(tmp_path, monkeypatch):

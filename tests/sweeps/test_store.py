@@ -197,7 +197,7 @@ def test_a_disk_that_is_really_full(tmp_path):
         done.stdout + done.stderr
     )
     assert len(sentences) == 1 and sentences[0].endswith("the same command goes on from there")
-    assert "1024 finished" in done.stdout and "chunks were finished before" in done.stdout
+    assert "1024 finished" in done.stdout and "finished before: " in done.stdout
 
 
 def test_a_folder_that_cannot_be_made(tmp_path):

@@ -108,6 +108,12 @@ class Base:
     def described(self) -> np.ndarray:
         return self.combination @ self.regressor.described
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of beta (r): of the first parameter in each."""
+        of_all = np.array(regressor.units(self.regressor.robot.mechanism))
+        return tuple(of_all[self.regressor.places][self.columns].tolist())
+
 
 @announced("finding the base parameters")
 def base_parameters(

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.checks import amount
 from linkwork.equations.fluid import in_wind
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
@@ -65,7 +66,7 @@ class NaturalModes:
     def __repr__(self) -> str:
         lowest = ", ".join(f"{value:.5g}" for value in self.frequencies[:SHOWN])
         more = " ..." * (len(self.frequencies) > SHOWN)
-        return f"NaturalModes({len(self.frequencies)} modes: {lowest} Hz{more})"
+        return f"NaturalModes({amount(len(self.frequencies), 'mode')}: {lowest} Hz{more})"
 
     @property
     def stable(self) -> bool:

@@ -3,6 +3,7 @@
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from linkwork import formats
 from linkwork.cli.catalogue import about, named, refuse_existing
@@ -21,7 +22,7 @@ def convert(source: Source, target: Path, overwrite: bool, as_json: bool) -> Non
         written = formats.save(imported.mechanism, target)
     if as_json:
         found = {"notes": imported.notes, "left_out": written, "written": [target]}
-        show_json(dict(summary(imported.mechanism)) | found)
+        show_json(counts(imported.mechanism) | found)
         return
     out = console()
     out.print(facts(summary(imported.mechanism)))
@@ -45,12 +46,24 @@ def read(source: Source) -> formats.Imported:
     return replace(imported, mechanism=about(imported.mechanism, source))
 
 
+def counts(mechanism: Mechanism) -> dict[str, Any]:
+    """Return what a mechanism holds, as data."""
+    kinds = Counter(joint.type for joint in mechanism.joints.values())
+    return {
+        "name": mechanism.name,
+        "bodies": len(mechanism.bodies),
+        "joints": dict(kinds),
+        "actuators": list(mechanism.actuators),
+    }
+
+
 def summary(mechanism: Mechanism) -> list[tuple[str, str]]:
     """Return what a mechanism holds, by name and count."""
-    kinds = Counter(joint.type for joint in mechanism.joints.values())
+    found = counts(mechanism)
+    kinds = ", ".join(f"{count} {kind}" for kind, count in found["joints"].items())
     return [
-        ("name", mechanism.name),
-        ("bodies", str(len(mechanism.bodies))),
-        ("joints", ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "none"),
-        ("actuators", ", ".join(mechanism.actuators) or "none"),
+        ("name", found["name"]),
+        ("bodies", str(found["bodies"])),
+        ("joints", kinds or "none"),
+        ("actuators", ", ".join(found["actuators"]) or "none"),
     ]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from linkwork.checks import amount
 from linkwork.cli.catalogue import built, refuse_existing
 from linkwork.cli.led import along
 from linkwork.cli.source import Source
@@ -86,7 +87,7 @@ def follow(
         return
     out = console()
     rows = [
-        ("motion", f"{motion.time[-1]:.6g} s, {len(motion.time)} samples"),
+        ("motion", f"{motion.time[-1]:.6g} s, {amount(len(motion.time), 'sample')}"),
         ("limits passed", "; ".join(beyond) or "none"),
     ]
     out.print(facts(rows + [("forces", reason)] * bool(reason)))

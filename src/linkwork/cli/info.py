@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from linkwork.checks import amount
 from linkwork.cli.catalogue import built
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience, show_json, table
@@ -117,7 +118,7 @@ def print_tables(found: dict[str, Any]) -> None:
         ("limits", "; ".join(limits(found["joints"])) or "none"),
         ("springs", "; ".join(springs(found)) or "none"),
         ("independent", ", ".join(chart["independent"])),
-        ("elimination", f"{len(chart['rows'])} rows: {chart['elimination']}"),
+        ("elimination", elimination(chart)),
     ]
     out.print(facts(rows))
     out.print()
@@ -144,6 +145,12 @@ def print_tables(found: dict[str, Any]) -> None:
             ("function", "inputs", "outputs", "operations", "instructions"), kernels, numbers=(3, 4)
         )
     )
+
+
+def elimination(chart: dict[str, Any]) -> str:
+    """Return how the dependent rates are eliminated."""
+    rows = len(chart["rows"])
+    return f"{amount(rows, 'row')}: {chart['elimination']}" if rows else "none: no loops"
 
 
 def mobility(found: dict[str, Any]) -> str:

@@ -99,11 +99,13 @@ def sweep(
     """Simulate a robot over a design of parameters, starts and controllers: DIR/results.zarr,
     table.csv, plots.svg.
 
-    Called again after an interruption of any kind, it goes on with what is not finished.
+    Called again after an interruption of any kind, it goes on with what is not finished. Exit
+    status: 0, or 1 where no member reached its end.
     """
     from linkwork.cli.sweep import sweep
 
-    sweep(study, out, scheduler, threads, json)
+    if not sweep(study, out, scheduler, threads, json):
+        raise typer.Exit(1)
 
 
 def view(

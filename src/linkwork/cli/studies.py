@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from linkwork import analysis
+from linkwork.checks import amount
 from linkwork.cli.catalogue import built, refuse_existing
 from linkwork.cli.entries import axes, by_name, names, number, of_tool, ranges
 from linkwork.cli.poses import (
@@ -316,6 +317,12 @@ def linearise(
         ]
         out.print()
         out.print(table(("frequency [Hz]", *shown), rows, numbers=range(len(shown) + 1)))
+        if free := np.count_nonzero(modes.frequencies == 0):
+            out.print(
+                f"\nNothing pulls back {amount(int(free), 'mode')} of 0 Hz: their shapes are some "
+                "of many, and so are those of other equal frequencies.",
+                soft_wrap=True,
+            )
 
 
 def stiffness(
@@ -411,10 +418,11 @@ def parameters(source: Source, effects: str | None, run: Path | None, as_json: b
                 show_json(dict(zip(base.names, base.described, strict=True)))
                 return
             rows = [
-                (f"{value:.6g}", label)
-                for value, label in zip(base.described, base.names, strict=True)
+                (f"{value:.6g}", unit, label)
+                for value, unit, label in zip(base.described, base.units, base.names, strict=True)
             ]
-            out.print(table(("described", f"{len(base)} base parameters"), rows, numbers=(0,)))
+            heading = ("described", "unit", f"{len(base)} base parameters")
+            out.print(table(heading, rows, numbers=(0,)))
             return
         found = analysis.identify(robot, Run.load(run), wanted)
     if as_json:
@@ -422,17 +430,14 @@ def parameters(source: Source, effects: str | None, run: Path | None, as_json: b
         show_json(told | {"residual": dict(zip(robot.independent, found.residual, strict=True))})
         return
     # Each beside what was described, and how far off it may be.
-    lines = zip(found.values, found.deviations, found.described, found.names, strict=True)
+    base = found.base
+    lines = zip(found.values, found.deviations, base.described, base.units, base.names, strict=True)
     rows = [
-        (f"{value:.6g}", f"{own:.2g}", f"{told:.6g}", label) for value, own, told, label in lines
+        (f"{value:.6g}", f"{own:.2g}", f"{told:.6g}", unit, label)
+        for value, own, told, unit, label in lines
     ]
-    out.print(
-        table(
-            ("identified", "+-", "described", f"{len(rows)} base parameters"),
-            rows,
-            numbers=(0, 1, 2),
-        )
-    )
+    heading = ("identified", "+-", "described", "unit", f"{len(rows)} base parameters")
+    out.print(table(heading, rows, numbers=(0, 1, 2)))
     out.print()
     # What the parameters leave unexplained, by rate.
     residual = ", ".join(

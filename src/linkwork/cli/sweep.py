@@ -10,20 +10,24 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from linkwork.checks import amount
 from linkwork.cli.terminal import console, patience, show_json, table
 from linkwork.errors import LinkworkError
+from linkwork.simulation import Status
 
 if TYPE_CHECKING:
     from linkwork.sweeps import Summary
 
+FINISHED = Status.FINISHED.name  # how a member ends that reached its end
 NEEDED = ("zarr", "distributed")
 HEADER = ("output", "unit", "mean", "deviation", "least", "largest")
 
 
 def sweep(
     file: Path, folder: Path | None, scheduler: str | None, threads: int | None, as_json: bool
-) -> None:
-    """Carry out a study, print what it comes to and where the files are."""
+) -> bool:
+    """Carry out a study, print what it comes to and where the files are; return whether a member
+    reached its end."""
     # What is asked for can be done, here and with this.
     for package in NEEDED if scheduler else NEEDED[:1]:
         if find_spec(package) is None:
@@ -61,15 +65,16 @@ def sweep(
     with patience("reading the results"):
         found = sweeps.summary(outcome.store)
         written = sweeps.write(outcome.store, found, folder)
-    files = [outcome.store.path, *written]
+    files, finished = [outcome.store.path, *written], FINISHED in found.statuses
     if as_json:
         told = {"before": outcome.before, "corrupted": outcome.corrupted, "written": files}
         rows = [asdict(row) for row in found.rows]
         show_json({"members": study.members, "statuses": found.statuses, "outputs": rows} | told)
-        return
+        return finished
     show(study.name, study.members, outcome.before, outcome.corrupted, found)
     for path in files:
         console().print(str(path), soft_wrap=True)
+    return finished
 
 
 def bar() -> Progress:
@@ -87,12 +92,12 @@ def show(name: str, members: int, before: int, corrupted: int, found: Summary) -
     """Print how members ended, and a table of the outputs for each controller."""
     out = console()
     endings = ", ".join(f"{count} {status.lower()}" for status, count in found.statuses.items())
-    out.print(f"{name}: {members} members; {endings}", soft_wrap=True)
+    out.print(f"{name}: {amount(members, 'member')}; {endings}", soft_wrap=True)
     if before:
-        out.print(f"{before} chunks were finished before", soft_wrap=True)
+        out.print(f"finished before: {amount(before, 'chunk')}", soft_wrap=True)
     if corrupted:
         out.print(
-            f"{corrupted} chunks were corrupted on disk and have been computed again",
+            f"corrupted on disk and computed again: {amount(corrupted, 'chunk')}",
             soft_wrap=True,
         )
     for controller in dict.fromkeys(row.controller for row in found.rows):

@@ -58,6 +58,17 @@ def values(mechanism: Mechanism) -> np.ndarray:
     return np.array(pi)
 
 
+def units(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return the units of the parameters pi (k), in the order of `names`."""
+    of_body = ("kg", *3 * ["kg m"], *len(ELEMENTS) * ["kg m^2"])
+    found = list(of_body * len(mechanism.bodies))
+    for joint in mechanism.pairs.values():
+        for freedom in joint.effects():
+            slides = freedom in SLIDES
+            found += ["N s/m", "N", "kg"] if slides else ["N m s/rad", "N m", "kg m^2"]
+    return tuple(found)
+
+
 def sizes(mechanism: Mechanism, length: float, pace: float) -> np.ndarray:
     """Return the energies [J] (k) that a unit of each parameter takes on motions by a length [m],
     or 1 rad, at a pace [1/s]."""

@@ -142,7 +142,10 @@ class Mechanism(Record, Portrayed):
 
     def __repr__(self) -> str:
         actuators = ", ".join(self.actuators[:NAMED]) + ", ..." * (len(self.actuators) > NAMED)
-        parts = [f"{len(self.bodies)} bodies", f"{len(self.joints)} joints"]
+        parts = [
+            checks.amount(len(self.bodies), "body"),
+            checks.amount(len(self.joints), "joint"),
+        ]
         parts += [f"driven: {actuators}"] if actuators else []
         return f"Mechanism({self.name!r}, {', '.join(parts)})"
 

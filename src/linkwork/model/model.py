@@ -13,6 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from linkwork.checks import amount
 from linkwork.control.observation import Names
 from linkwork.equations import Equations, body_motion, functions, mobility
 from linkwork.errors import LinkworkError, ModelWarning
@@ -79,7 +80,7 @@ class Model:
         self.origin: Model | None = None
 
     def __repr__(self) -> str:
-        size = f"{len(self.bodies)} bodies, {len(self.joints)} joints"
+        size = f"{amount(len(self.bodies), 'body')}, {amount(len(self.joints), 'joint')}"
         return f"Robot({self.mechanism.name!r}, mobility {self.mobility}, {size})"
 
     @cached_property

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import shown
+from linkwork.checks import amount, shown
 from linkwork.errors import LinkworkError
 from linkwork.notebooks import Portrayed
 from linkwork.simulation.variables import LazyAttribute
@@ -148,7 +148,7 @@ class Motion(Portrayed):
         count, names = len(self.time), self.state.coordinates
         joints = ", ".join(names[:SHOWN]) + f", ... ({len(names)})" * (len(names) > SHOWN)
         span = f" from {self.time[0]:.6g} to {self.time[-1]:.6g} s" if count else ""
-        return f"Motion({count} samples{span}, joints: {joints})"
+        return f"Motion({amount(count, 'sample')}{span}, joints: {joints})"
 
     @property
     def positions(self) -> np.ndarray:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import by_name
+from linkwork.checks import amount, by_name
 from linkwork.errors import LinkworkError
 from linkwork.model.state import Reached, State
 from linkwork.notebooks import Portrayed
@@ -107,7 +107,7 @@ class Ensemble(Portrayed):
     def __repr__(self) -> str:
         found, counts = np.unique(self.status, return_counts=True)
         ways = ", ".join(f"{Status(s).name}: {k}" for s, k in zip(found, counts, strict=True))
-        return f"Ensemble({len(self)} members; {ways})"
+        return f"Ensemble({amount(len(self), 'member')}; {ways})"
 
     @cached_property
     def final(self) -> State:

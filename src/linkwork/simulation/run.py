@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import count, file_path, finite, shown, suggestion
+from linkwork.checks import amount, count, file_path, finite, shown, suggestion
 from linkwork.errors import LinkworkError
 from linkwork.notebooks import Portrayed
 from linkwork.simulation.run_files import (
@@ -100,7 +100,7 @@ class Run(Portrayed):
     def __repr__(self) -> str:
         of = f"{self.attrs[NAME]!r}, " if NAME in self.attrs else ""
         end = f" at t = {self.time[-1]:.6g} s" if len(self.time) else ""
-        samples = f"{self.steps:,} steps, {len(self.time):,} samples"
+        samples = f"{amount(self.steps, 'step')}, {amount(len(self.time), 'sample')}"
         error = f", error={self.error!r}" if self.error is not None else ""
         return f"Run({of}{self.status.name}{end}, {samples}{error})"
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from linkwork.analysis import Identification, Modes
+from linkwork.checks import amount
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.robot import Ensemble, Motion, Robot, State
@@ -141,7 +142,7 @@ def of_motion(motion: Motion) -> Portrait:
     state = motion.state
     time = motion.time
     found = [
-        ("duration", f"{time[-1] - time[0]:g} s, {len(time):,} samples"),
+        ("duration", f"{time[-1] - time[0]:g} s, {amount(len(time), 'sample')}"),
         ("independent", some(state.independent)),
         ("largest rate", f"{np.abs(motion.joint_rates).max(initial=0.0):.4g}"),
         ("largest acceleration", f"{np.abs(motion.joint_accelerations).max(initial=0.0):.4g}"),
