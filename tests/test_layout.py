@@ -29,6 +29,7 @@ STAGES = (
     "control",
     "model",
     "runs",
+    "stepping",
     "robot",
     "export",
     "analysis motions scene",

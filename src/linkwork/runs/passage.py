@@ -138,12 +138,24 @@ class Passage:
             control: what a sampled controller holds at the start; zeros if left out.
             turns: whole turns of angles that are not in q; none if left out.
         """
+        return self.onward(self.departed(chart, q, v, z, control, turns))
+
+    def departed(
+        self,
+        chart: CompiledChart,
+        q: np.ndarray,
+        v: np.ndarray,
+        z: np.ndarray,
+        control: Control | None = None,
+        turns: np.ndarray | None = None,
+    ) -> Stand:
+        """Return where the run stands at its start; arguments as of `segments`."""
         if turns is not None:
             q, turns = self.turning.begun(q, turns)
-        chart, v = self._faced(chart, q), np.concatenate([v, z])
+        chart, v = self.faced(chart, q), np.concatenate([v, z])
         if self.system.acting is not None:
             control = self.system.control(chart, control)
-        return self.onward(self.stand(chart, self.start, q, v, turns, control))
+        return self.stand(chart, self.start, q, v, turns, control)
 
     def stand(
         self,
@@ -247,7 +259,7 @@ class Passage:
         if over is not None:
             behind = over.trajectory
             short, q = behind.end_time - t, behind.q_end
-            chart = self._faced(chart, q)
+            chart = self.faced(chart, q)
             bound = min(SOFT, 0.5 * chart.pivot(q))
             here = here._replace(chart=chart, t=behind.end_time, q=q, v=behind.v_end, control=None)
             return here._replace(bound=bound, short=short, over=over)
@@ -342,7 +354,7 @@ class Passage:
         """The same system, with the kernel that stiff methods need."""
         return with_jacobian(self.robot, self.system, (self.start, self.end))
 
-    def _faced(self, chart: CompiledChart, q: np.ndarray) -> CompiledChart:
+    def faced(self, chart: CompiledChart, q: np.ndarray) -> CompiledChart:
         """Return a chart with its pivots positive at q."""
         faced = chart.facing(q)
         return chart if faced is chart else self.robot.run_charts.setdefault(faced.key, faced)

@@ -41,6 +41,25 @@ def simulate(
     left: Left | None = None,
 ) -> Run:
     """Run from a state: see `Robot.simulate`. left: what a run that is resumed had at its end."""
+    acting = {"drives": drives, "wrenches": wrenches, "parameters": parameters}
+    robot, state, runs, settings = prepared(robot, state, forces, settings, left=left, **acting)
+    with ongoing(SIMULATING):
+        return recording.simulate(robot, state, runs, settings, left)
+
+
+def prepared(
+    robot: Model,
+    state: State,
+    forces: Forces,
+    settings: Settings,
+    *,
+    drives: Mapping[str, Any] | None = None,
+    wrenches: Sequence[Any] = (),
+    parameters: Mapping[str, float] | None = None,
+    left: Left | None = None,
+) -> tuple[Model, State, System, Settings]:
+    """Return the robot with its parameters, where it starts, what is integrated, and how, as
+    `simulate` takes them; refuse what does not fit."""
     # Parameters of the robot, and those of what acts on it.
     given = {}
     if parameters is not None:
@@ -61,8 +80,7 @@ def simulate(
     if left is None:
         if runs.acting is not None:
             require_starts(runs, state)
-        with ongoing(SIMULATING):
-            return recording.simulate(robot, state, runs, settings)
+        return robot, state, runs, settings
     if left.extras.size != len(runs.extras):
         raise LinkworkError(
             f"the run ended with {left.extras.size} extra states, but these drives and "
@@ -74,8 +92,7 @@ def simulate(
             f"the run ended with {held.size} held inputs, but this controller holds "
             f"{runs.acting.held}; give it the delay that it ran with"
         )
-    with ongoing(SIMULATING):
-        return recording.simulate(robot, state, runs, settings, left)
+    return robot, state, runs, settings
 
 
 def resume(
@@ -88,6 +105,14 @@ def resume(
     **acting: Any,
 ) -> Run:
     """Go on from the end of a run: see `Robot.resume`. acting: drives and wrenches."""
+    state, left, own = left_by(robot, run)
+    values = {**own, **by_name(parameters, "parameters", EXAMPLE)}
+    return simulate(robot, state, forces, settings, parameters=values, left=left, **acting)
+
+
+def left_by(robot: Model, run: Run) -> tuple[State, Left, dict[str, float]]:
+    """Return the state in which a run ended, what else it had there, and its values of the robot's
+    parameters."""
     if not isinstance(run, Run):
         raise LinkworkError(
             f"a run is resumed, not {type(run).__name__}; give what robot.simulate or Run.load "
@@ -131,9 +156,7 @@ def resume(
         for name in ("final_held", "final_turns")
     )
     own = {name: value for name, value in recorded(run).items() if name in robot.parameters}
-    values = {**own, **by_name(parameters, "parameters", EXAMPLE)}
-    left = Left(start, v[n:], pace, held, turns)
-    return simulate(robot, state, forces, settings, parameters=values, left=left, **acting)
+    return state, Left(start, v[n:], pace, held, turns), own
 
 
 def recorded(run: Run) -> dict[str, float]:

@@ -184,41 +184,14 @@ def advanced(
 ) -> Trajectory:
     """Integrate a problem from the state y (q, v) at start to stop [s], as `integrate` does; y
     holds the last state then."""
-    if not 0 <= start < math.inf:
-        raise LinkworkError(f"a run must start at a finite time from 0 s on, not at {start} s")
-    signal, method, turning, closure_tol = (
-        problem.forces,
-        problem.method,
-        problem.turning,
-        problem.closure_tol,
-    )
-    require_cover("the forces", signal, start, stop)
-    require_finite(y, nq)
-    counted = turning.table.copy()
-    if turns is not None:
-        counted[2] = turns
-    times = NOTHING if save_at is None else times_within(save_at, start, stop)
+    method, turning, closure_tol = problem.method, problem.turning, problem.closure_tol
     native, loop = _compiled(method.stiff)
-    pace = _pace(first_step if method.step is None else method.step)
-    held, period, next_sample, acts = _sampling(control, start)
-    events, watch = problem.events, problem.watch
-    conditions = events.table if events else NO_CONDITIONS
-    observed = events.address if len(conditions) and events else 0
-    seen, strict = (watch.signal, watch.strict) if watch else (signal, 0)
-    state = np.concatenate((y, held)) if control else y
+    given = entry(
+        problem, y, nq, start, stop, pivot_bound, steps, save_at, first_step, control, turns
+    )
+    conditions, counted, state = given[4], given[9], given[10]
     facts = np.empty(len(loop.LoopOutcome._fields))
-    # Plain tuples of numbers, in the order of `Kernels` and `RunCourse`.
-    rows = native.integrate(
-        (problem.motion, problem.closure, problem.jacobian, observed, acts),
-        problem.parameters, method.plan.table, problem.tolerances, conditions,
-        signal.table, seen.table,
-        (
-            float(start), float(stop), period, *pace,
-            float(pivot_bound), float(closure_tol), float(stability(method, problem.leave_stiff)),
-            float(problem.max_step), int(steps), next_sample, int(save_at is None), strict,
-        ),
-        times, counted, state, facts,
-    )  # fmt: skip
+    rows = native.integrate(*given, facts)
     outcome, found, event = loop.LoopOutcome._make(facts.tolist()), rows[:0], -1
     if len(conditions):
         happened = rows[:, -1] >= 0
@@ -239,6 +212,52 @@ def advanced(
     if method.stiff:
         bounds["remedy"] = "or look for what acts too suddenly"
     return Trajectory(rows, found, y, counted[2], nq, outcome, control, bounds, status)
+
+
+def entry(
+    problem: Problem,
+    y: np.ndarray,
+    nq: int,
+    start: float,
+    stop: float,
+    pivot_bound: float,
+    steps: int,
+    save_at: ArrayLike | None,
+    first_step: float | Pace | None,
+    control: Control | None,
+    turns: ArrayLike | None,
+) -> tuple[Any, ...]:
+    """Return the arguments of `native_loop.begin`, as `advanced` takes its own; what is to be kept
+    alive is among them."""
+    if not 0 <= start < math.inf:
+        raise LinkworkError(f"a run must start at a finite time from 0 s on, not at {start} s")
+    signal, method = problem.forces, problem.method
+    require_cover("the forces", signal, start, stop)
+    require_finite(y, nq)
+    counted = problem.turning.table.copy()
+    if turns is not None:
+        counted[2] = turns
+    times = NOTHING if save_at is None else times_within(save_at, start, stop)
+    pace = _pace(first_step if method.step is None else method.step)
+    held, period, next_sample, acts = _sampling(control, start)
+    events, watch = problem.events, problem.watch
+    conditions = events.table if events else NO_CONDITIONS
+    observed = events.address if len(conditions) and events else 0
+    seen, strict = (watch.signal, watch.strict) if watch else (signal, 0)
+    state = np.concatenate((y, held)) if control else y
+    # Plain tuples of numbers, in the order of `Kernels` and `RunCourse`.
+    return (
+        (problem.motion, problem.closure, problem.jacobian, observed, acts),
+        problem.parameters, method.plan.table, problem.tolerances, conditions,
+        signal.table, seen.table,
+        (
+            float(start), float(stop), period, *pace,
+            float(pivot_bound), float(problem.closure_tol),
+            float(stability(method, problem.leave_stiff)), float(problem.max_step), int(steps),
+            next_sample, int(save_at is None), strict,
+        ),
+        times, counted, state,
+    )  # fmt: skip
 
 
 @cache

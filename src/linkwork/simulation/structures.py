@@ -32,6 +32,11 @@ class Structure(types.Type):
     def mangling_args(self):
         return self.name[: self.name.index("{")], ()
 
+    def place(self, name: str) -> int:
+        """Return the number of the word at which a field begins."""
+        before = list(self.fields)[: list(self.fields).index(name)]
+        return sum(getattr(self.fields[each], "count", 1) for each in before)
+
 
 def numba_type(kind: Any) -> Any:
     """Return Numba's type of a number, a pointer or a named tuple of them."""

@@ -1,0 +1,444 @@
+"""The stepper: a robot that is stepped on by whoever calls, for real time and hardware in the loop.
+
+    y(t + dt) = y(t) + the method's step under the forces u,    y = (q, v, z)
+
+It is a run of `robot.simulate` that stands still between two steps: the same compiled loop, the
+same charts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING, NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.checks import count, shown
+from linkwork.control.sampler import Sampler
+from linkwork.errors import LinkworkError
+from linkwork.model import chart_transfer, checks
+from linkwork.model.state import State
+from linkwork.runs import recording, running
+from linkwork.runs.passage import SOFT, Segment, Stand
+from linkwork.runs.recording import Left
+from linkwork.runs.run_record import RunRecord
+from linkwork.runs.settings import Settings
+from linkwork.runs.system import GIVEN, Forces, require_starts
+from linkwork.simulation import (
+    FIXED,
+    Control,
+    MethodName,
+    Pace,
+    Run,
+    Statistics,
+    Status,
+    Trajectory,
+)
+from linkwork.simulation.variables import Deferred
+from linkwork.stepping.endless import Endless
+from linkwork.stepping.errors import StepError
+from linkwork.stepping.native_run import CELL, NativeRun
+from linkwork.stepping.native_stepping import OPEN, PAUSED, UNCOVERED, UNDEFINED, UNFORCED
+
+if TYPE_CHECKING:
+    from linkwork.control import Drive, Wrench
+    from linkwork.model.model import Model
+
+DOUBLE = np.dtype(float)
+ROUNDING = 1e-9  # of a step, within which a time is a multiple of it
+KEPT = (
+    "The state there is kept: write another one or reset the stepper, or let robot.resume("
+    "stepper.run, ...) go on."
+)
+
+
+class Stepper:
+    """Step a robot on, dt at a time, under forces that are known only then.
+
+    Made by `Robot.stepper`. What happens within a step is what happens in `Robot.simulate` with the
+    same method and step: charts change where they weaken, loops are closed, sampled controllers
+    act, stops and contacts set in. Steps end at multiples of dt (counted from the start where that
+    is none), so that times do not drift.
+
+    Attributes:
+        y: the state (q, v, z), of which q, v, z are views: coordinates of the tree (nq), in the
+            order of `robot.equations.tree.coordinates`; independent rates (n), in that of
+            `independent`, which may change from one step to the next; extra states of drives and
+            controllers. These arrays stay the same, and may be read and written between two
+            steps. Where q was written its loops are closed with the next step by moving the
+            coordinates that are not independent.
+        u: forces of the actuators (commands of their drives) that act until others are given
+            [N, N m]; empty where a controller or signals were given.
+        dt: length of a step [s].
+
+    One thread may use a stepper at a time. It cannot be pickled: `run` can.
+    """
+
+    def __init__(
+        self,
+        robot: Model,
+        state: State | Run,
+        dt: float,
+        forces: Forces = None,
+        *,
+        drives: Mapping[str, Drive] | None = None,
+        wrenches: Sequence[Wrench] = (),
+        parameters: Mapping[str, float] | None = None,
+        method: MethodName = "rk4",
+        rtol: float = 1e-8,
+        atol: float = 1e-10,
+    ):
+        # What is integrated, and how: what `simulate` would take for a run of one step.
+        self.dt = checks.positive(dt, "dt", "s")
+        fixed = self.dt if method in FIXED else None
+        settings = Settings(duration=self.dt, method=method, step=fixed, rtol=rtol, atol=atol)
+        acting = {"drives": drives, "wrenches": wrenches}
+        begun, left, own = (
+            running.left_by(robot, state) if isinstance(state, Run) else (state, None, {})
+        )
+        require_one(robot, begun)
+        given = {**own, **(parameters or {})} if own else parameters
+        self._robot, self._begun, self._system, self._settings = running.prepared(
+            robot, begun, forces, settings, parameters=given, left=left, **acting
+        )
+        self._left = left
+        # Where forces are written: to the inputs over time, in each of their pieces.
+        inputs, traced = self._system.inputs, self._system.acting
+        pieces, _, columns = inputs.coefficients.shape
+        self._table, self._free = inputs.table.copy(), is_free(forces)
+        powers = self._table[5 + pieces :][: 4 * pieces * columns].reshape(pieces, 4, columns)
+        first = int(traced.timed) if traced else 0
+        commands = powers[:, 0, first : first + len(self._robot.actuators) * self._free]
+        self._pieces = commands if pieces > 1 and self._free else None
+        self.u = commands[0] if pieces == 1 else commands[0].copy()
+        self._first = self.u.copy()
+        # The state that the user sees, and the cells of the compiled stepper.
+        equations = self._robot.equations
+        nq, n = equations.nq, equations.mobility
+        self.y = np.zeros(nq + n + len(self._system.states))
+        self.q, self.v, self.z = self.y[:nq], self.y[nq : nq + n], self.y[nq + n :]
+        self._cells = np.zeros(len(CELL))
+        self._counts = self._cells.view(np.int64)
+        self._counts[CELL["u"]], self._counts[CELL["y"]] = (
+            array.ctypes.data for array in (self.u, self.y)
+        )
+        self._counts[CELL["forces"]] = self.u.size
+        self._steps = compiled(settings.integrator.stiff)
+        self._cells[CELL["step"]], self._cells[CELL["last"]] = self.dt, inputs.span[1]
+        self._set_out(self._begun, left, left.time if left else 0.0)
+
+    def __repr__(self) -> str:
+        name = self._robot.mechanism.name
+        method = self._settings.integrator.name
+        return f"Stepper({name!r}, t = {self.time:.9g} s, dt = {self.dt:g} s, {method})"
+
+    def __reduce__(self) -> NoReturn:
+        raise LinkworkError(
+            "a stepper cannot be copied or pickled: it holds compiled code and its memory; send "
+            "stepper.run, and make one of that by robot.stepper(run, dt)"
+        )
+
+    def step(
+        self,
+        u: ArrayLike | Mapping[str, float] | None = None,
+        steps: int = 1,
+        out: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Take one step, or some, and return the state y = (q, v, z) there.
+
+        Args:
+            u: forces of the actuators (actuators) [N, N m], in their order or by name (others
+                zero), which act over all of the steps; those of before if left out.
+            steps: how many.
+            out: where to write the state (size of y); a new array if left out. With the stepper's
+                own y no number is copied.
+
+        Raises:
+            StepError: a step that cannot be taken, with the time and what to do. The state is that
+                after the last step that could be taken.
+            LinkworkError: forces that do not fit; they are refused before anything happens.
+        """
+        if u is not None:
+            if (
+                isinstance(u, np.ndarray)
+                and u.shape == self.u.shape
+                and u.dtype is DOUBLE
+                and self._free
+            ):
+                self.u[:] = u
+            else:
+                self._command(u)
+        if self._pieces is not None:
+            self._pieces[:] = self.u
+        if steps != 1:
+            steps = count(steps, "steps")
+        if out is not None and out is not self.y:
+            require_room(out, self.y.shape)
+        if code := self._steps(self._cells, steps):
+            self._attend(code)
+        if out is None:
+            return self.y.copy()
+        if out is not self.y:
+            out[:] = self.y
+        return out
+
+    @property
+    def time(self) -> float:
+        """When it is [s]."""
+        return self._run.time
+
+    @property
+    def independent(self) -> tuple[str, ...]:
+        """Names of the rates that v holds: those in which the motion is told best where it is."""
+        return self._stand.chart.independent
+
+    @property
+    def closure_error(self) -> float:
+        """The largest |phi(q)| at the present state."""
+        closure = self._stand.chart.single("closure_step")
+        return closure.flat(self.q, self._robot.p).item(-1)
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Coordinates of all joints (m) [m, rad], as encoders tell them.
+
+        Whole turns of angles of joints that close loops are followed from one asking to the next.
+        """
+        read = self._robot.kernel("positions").flat(self.q, self._robot.p)
+        self._seen = self._robot.labels.nearest(read, self._seen)
+        return self._seen
+
+    @property
+    def rates(self) -> np.ndarray:
+        """Rates of all joints (m) [m/s, rad/s]."""
+        chart, q, v = self._stand.chart, self.q, self.v
+        if chart.told():
+            return chart.joints_moving(q[None], v[None], 0 * v[None], chart.p, True)[1][0]
+        kernel, m = chart.kernel("joints_motion"), len(self._robot.coordinates)
+        return kernel.flat(q, v, 0 * v, chart.p)[m : m + len(self._robot.rates)]
+
+    @property
+    def state(self) -> State:
+        """The present state, in the robot's own independent rates where these tell its motion, else
+        in those of v; turns as of `positions`."""
+        return self._record().final()
+
+    @property
+    def run(self) -> Run:
+        """A `Run` of the present state alone, from which `Robot.resume` goes on, or another
+        stepper."""
+        record, segments = self._record(), [self._segment(Status.FINISHED)]
+        done = segments[0].trajectory
+        told = recording.asked(self._robot, self._system, self._settings)
+        told |= recording.told(self._system, segments) | record.final_windings()
+        return Run(
+            variables=record,
+            coords=Deferred({recording.COORDS: record.coords}),
+            attrs=told,
+            status=Status.FINISHED,
+            message=Status.FINISHED.sentence(time=self.time),
+            statistics=Statistics(0, 0, 0, 0, done.closure_error, done.pivot, done.pivot_time),
+            ended=record.final,
+            every=True,
+        )
+
+    def reset(self, state: State | None = None, time: float | None = None) -> None:
+        """Put the stepper at a state, with extra states and controllers as at a start, and no
+        forces.
+
+        Args:
+            state: of the robot; the one that the stepper was made with if left out, with what a run
+                had left there.
+            time: [s]; that at which it was made if left out.
+
+        Raises:
+            LinkworkError: as `Robot.stepper`; the stepper is then where it was.
+        """
+        begun, left = self._begun, self._left
+        if state is not None:
+            require_one(self._robot, state)
+            begun, left = self._robot.own(state), None
+            if self._system.acting is not None:
+                require_starts(self._system, begun)
+        if time is not None:
+            time = checks.number(time, "time")
+        elif self._left is not None:
+            time = self._left.time
+        self._set_out(begun, left, time or 0.0)
+        self.u[:] = self._first
+
+    def _set_out(self, state: State, left: Left | None, time: float) -> None:
+        """Begin at a state, with what a run had left there."""
+        robot, system = self._robot, self._system
+        _, z, pace, held, turns = left or (time, None, None, None, None)
+        fixed, sampler = self._settings.integrator.step is not None, system.sampler
+        control = Control(0, sampler.period, held) if held is not None and sampler else None
+        passage = Endless(robot, system, time, np.inf, self._settings, None if fixed else pace)
+        chart, v = chart_transfer.start(robot, state)
+        z = system.start(robot, state.positions, state.q, z)
+        stand = passage.departed(chart, state.q, v, z, control, turns)
+        self._enter(passage, stand, passage.pace)
+        # Steps end at multiples of dt; of a start beside them, so many after it.
+        number = round(time / self.dt)
+        beside = abs(time - number * self.dt) > ROUNDING * self.dt
+        self._cells[CELL["origin"]] = time if beside else 0.0
+        self._counts[CELL["number"]] = 0 if beside else number
+        self._seen = state.positions
+
+    def _enter(self, passage: Endless, stand: Stand, pace: Pace | None = None) -> None:
+        """Go on from a stand: in its chart, under its bound of the pivot."""
+        problem = passage.problem(stand.chart, stand.method, self._system.inputs)
+        begun = NativeRun(
+            problem,
+            np.concatenate((stand.q, stand.v)),
+            stand.q.size,
+            self._table,
+            start=stand.t,
+            stop=stand.t + self.dt,
+            pivot_bound=stand.bound,
+            steps=self._settings.max_steps,
+            first_step=pace,
+            control=stand.control,
+            turns=stand.turns,
+        )
+        if begun.status is not Status.FINISHED:
+            message = begun.trajectory(begun.status).message
+            raise StepError(message, begun.status, stand.t)
+        self._passage, self._run = passage, begun
+        self._stand = stand._replace(steps=self._settings.max_steps)
+        self._counts[CELL["run"]], self._counts[CELL["written"]] = begun.address, 0
+        self._cells[CELL["until"]] = np.inf if stand.bound == SOFT else stand.t + stand.short
+        self.y[:] = begun.seen
+
+    def _command(self, u: ArrayLike | Mapping[str, float]) -> None:
+        """Take forces that are not simply an array of them, or refuse them."""
+        names = self._robot.actuators
+        if not self._free:
+            raise LinkworkError(
+                "the forces of this stepper are those that it was made with, a controller or "
+                "signals; step without u, or leave forces out of robot.stepper"
+            )
+        by_name = isinstance(u, Mapping)
+        given = (
+            checks.actuator_forces(u, names)
+            if by_name
+            else checks.values_by_name(u, names, "forces", "actuator")
+        )
+        if given.shape != self.u.shape:
+            raise LinkworkError(
+                f"forces has shape {given.shape}; give {len(names)} numbers: {', '.join(names)}"
+            )
+        self.u[:] = given
+
+    def _attend(self, code: int) -> None:
+        """Do what compiled steps were left for, and take those that are left; refuse where none can
+        be taken."""
+        while code:
+            self._refuse_given(code)
+            # What was done is told as that of a run; where a function failed, nothing goes on.
+            status = Status.FINISHED if code == PAUSED else Status(code)
+            faults, done = self._system.faults, self._run.trajectory(status)
+            if faults:
+                fault = faults.pop()
+                faults.clear()
+                status = Status.CALLBACK_FAILED
+                told = f"{type(fault).__name__}: {fault}"
+                sentence = status.sentence(time=self.time, error=told)
+                raise StepError(sentence, status, self.time) from fault
+            written = self._counts[CELL["written"]] and status is Status.SINGULAR
+            self._stand.chart.count(done.nfev)
+            left = self._onward(done, written=bool(written))
+            self._enter(self._passage, left)
+            code = self._steps(self._cells, self._counts.item(CELL["left"]))
+
+    def _onward(self, done: Trajectory, written: bool) -> Stand:
+        """Return where to go on; written: whether q was put where the chart's pivots may have other
+        signs."""
+        here, passage = self._stand, self._passage
+        if written:
+            faced = passage.faced(here.chart, done.q_end)
+            if faced is not here.chart:
+                return here._replace(
+                    chart=faced, t=done.end_time, q=done.q_end, v=done.v_end, turns=done.turns,
+                    control=self._system.control(faced, done.control),
+                )  # fmt: skip
+        stand = passage.after(here, done)
+        if stand is None:
+            _, message = recording.ended(self._system, self._segment(done.status))
+            raise StepError(f"{message} {KEPT}", done.status, done.end_time)
+        return stand
+
+    def _refuse_given(self, code: int) -> None:
+        """Refuse what the user has written or given."""
+        time = self.time
+        if code == UNFORCED:
+            checks.finite(self.u, "forces")
+        if code in (UNDEFINED, OPEN):
+            written, self.y[:] = self.y.copy(), self._run.seen
+            checks.finite(written, "the y that was written to the stepper")
+            raise StepError(
+                "the loops do not close at the q that was written, however the dependent "
+                "coordinates are moved, and the state is what it was; write a q nearer to a closed "
+                "configuration, or reset the stepper to a state of robot.assemble",
+                Status.CLOSURE_LOST,
+                time,
+            )
+        if code == UNCOVERED:
+            raise StepError(
+                f"what acts is sampled up to {self._system.inputs.span[1]:g} s, and the stepper is "
+                f"at t = {time:.9g} s; give samples for longer, or reset the stepper",
+                Status.FINISHED,
+                time,
+            )
+
+    def _segment(self, status: Status) -> Segment:
+        """Return the present state as the end of what was done in its chart."""
+        chart, done = self._stand.chart, self._run.trajectory(status)
+        start = done.end_time, done.q_end, done.v_end
+
+        def again(save_at: np.ndarray | None, row: int) -> Trajectory:
+            return done if save_at is None else replace(done, rows=done.rows[: len(save_at)])
+
+        return Segment(chart, done, start, self._stand.method.name, again)
+
+    def _record(self) -> RunRecord:
+        """Return what tells all quantities of the present state."""
+        begun = replace(self._robot.home, positions=self.positions, q=self.q.copy())
+        segments = [self._segment(Status.FINISHED)]
+        return RunRecord(self._robot, self._system, segments, np.empty(0), begun, True)
+
+
+def is_free(forces: Forces) -> bool:
+    """Tell whether forces are numbers, for which others may be given step by step."""
+    return not (callable(forces) or isinstance(forces, (Sampler, *GIVEN)))
+
+
+def require_one(robot: Model, state: State) -> None:
+    """Refuse what is no state, or a stack of them."""
+    if not isinstance(state, State):
+        checks.refuse_foreign(state, robot.coordinates, robot.charts)
+    if robot.own(state).batch:
+        raise LinkworkError(
+            f"the states are a stack of the shape {state.batch}; a stepper takes one: "
+            "state.at(index)"
+        )
+
+
+def require_room(out: np.ndarray, shape: tuple[int, ...]) -> None:
+    """Refuse what states cannot be written to."""
+    if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != DOUBLE:
+        told = f"{out.dtype} of shape {out.shape}" if isinstance(out, np.ndarray) else shown(out)
+        raise LinkworkError(f"out is {told}; give an array of floats of shape {shape}")
+
+
+@cache
+def compiled(stiff: bool) -> Callable[[np.ndarray, int], int]:
+    """Return the compiled steps of a kind of methods; the first time compiles them."""
+    if stiff:
+        from linkwork.stepping.native_stiff import steps
+    else:
+        from linkwork.stepping.native_explicit import steps
+    return steps
