@@ -12,6 +12,8 @@ import linkwork as lw
 from linkwork.errors import ModelWarning
 from linkwork.formats import load
 from linkwork.formats.models import read
+from linkwork.formats.notes import Notes
+from linkwork.formats.xml import Element
 
 from tests.cli.calls import call, refused
 
@@ -172,18 +174,13 @@ def test_a_model_whose_masses_are_all_meshes_says_so(tmp_path):
     )
 
 
-def test_springs_that_are_left_out_are_told_where_tendons_that_do_not_pull_come_first(tmp_path):
+def test_a_remark_that_alters_the_motion_is_told_beside_the_same_one_that_does_not():
     """Both are left out with the same remark; one of them alone alters the motion."""
-    tendon = '<spatial name="{}" {}><site site="s1"/><geom geom="g" sidesite="s3"/>'
-    tendon += '<site site="s2"/></spatial>'
-    sites = "".join(f'<site name="s{k}" pos="0 0 0.{k}"/>' for k in (1, 2, 3))
-    sites += '<geom name="g" size="0.01" mass="0"/>'
-    path = model(tmp_path, more=INERTIAL + sites)
-    tendons = tendon.format("cord", "") + tendon.format("spring", 'stiffness="5"')
-    path.write_text(path.read_text().replace("<actuator>", f"<tendon>{tendons}</tendon><actuator>"))
-    (caveat,) = caveats(path)
-    assert "<spatial 'spring'> is left out" in caveat
-    assert any("<spatial 'cord'> is left out" in note for note in read(path).notes)
+    notes, file = Notes(), Path("model.xml")
+    for name, line, alters in (("cord", 3, False), ("spring", 4, True)):
+        notes.on(Element("spatial", {"name": name}, file, line), "is left out", alters)
+    assert notes.caveats() == ("model.xml, line 4: <spatial 'spring'> is left out",)
+    assert "model.xml, line 3: <spatial 'cord'> is left out" in notes.sentences()
 
 
 @pytest.mark.parametrize(

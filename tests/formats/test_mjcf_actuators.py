@@ -53,6 +53,9 @@ ACTUATORS = """
 <position name="lag" joint="j1" kp="4" timeconst="0.2"/>"""
 
 
+HELD = '<equality><tendon tendon1="plain"/></equality>'
+
+
 def compared(path, tmp_path, seed=1, mechanism=None):
     """Return the largest difference of accelerations under the same controls, over the largest of
     them, at some states; mechanism: in place of what the file is read as."""
@@ -97,6 +100,34 @@ def test_what_is_written_moves_as_what_was_read(arm, tmp_path):
     path = tmp_path / "again.xml"
     save(load(arm).mechanism, path)
     assert compared(path, tmp_path) < 1e-12
+
+
+def test_actuators_add_inertia_and_damping_as_in_mujoco(arm, tmp_path):
+    """Those of joints, of a tendon, and in the gain by a damping ratio."""
+    text = arm.read_text()
+    for name, own in (("m1", 0.03), ("t", 0.2), ("dr", 0.01)):
+        added = f'armature="{own}" damping="{3 * own}"'
+        text = text.replace(f'name="{name}"', f'name="{name}" {added}')
+    arm.write_text(text)
+    assert not load(arm).mechanism.caveats
+    assert compared(arm, tmp_path) < 1e-12
+    elsewhere = '<actuator><motor site="s" gear="1 0 0 0 0 0" armature="0.2"/>'
+    arm.write_text(text.replace("<actuator>", elsewhere))
+    (caveat,) = load(arm).mechanism.caveats
+    assert "has an armature or a damping, which is left out: it acts on no single" in caveat
+
+
+def test_a_tendon_that_is_held_never_comes_to_the_end_of_its_range(tmp_path):
+    path = tmp_path / "arm.xml"
+    text = ARM.format(joint="", actuators='<motor joint="j1"/>')
+    text = text.replace('name="plain"', 'name="plain" range="0 1"')
+    path.write_text(text)
+    assert load(path).mechanism.transmissions["plain"].stop
+    path.write_text(text.replace("<actuator>", HELD + "<actuator>"))
+    mechanism = load(path).mechanism
+    assert not mechanism.caveats and mechanism.transmissions["plain_2"].stop is None
+    robot = lw.Robot(mechanism)
+    assert robot.simulate(robot.home, duration=0.1).success
 
 
 def test_a_joint_bounds_what_its_one_actuator_does(tmp_path):

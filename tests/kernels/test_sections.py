@@ -1,10 +1,11 @@
 """Sections carried out one after the other on the slots they share: nothing is read before it is
 there, nothing is lost."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
-from linkwork.kernels import sections
+from linkwork.kernels import compile_function, sections
 from linkwork.kernels.emit import FUNCTIONS, module_text
 from linkwork.kernels.machine import this_machine
 from linkwork.kernels.program import Program, trace
@@ -65,6 +66,13 @@ def carried_out(program: Program, inputs: np.ndarray, angles_in_vector: int) -> 
         for slot, content in written.items():
             slots[slot] = content
     return out
+
+
+def test_a_large_program_of_one_section_is_compiled(short):
+    """It leaves no value to another one, and needs no memory between them."""
+    x = ca.SX.sym("x", 2)
+    kernel = compile_function(ca.Function("one_section", [x], [x[0] + 2 * x[1]]))
+    assert kernel([3.0, 4.0])[0] == 11.0
 
 
 @pytest.mark.parametrize("seed", range(20))

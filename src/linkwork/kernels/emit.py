@@ -109,8 +109,9 @@ def _evaluation(
     abreast: the vectors that lie side by side in %in and %out, of which the first is meant.
     """
     plan = planned(program, machine.lanes // lines.width)
-    if plan.slots:
-        lines.text.insert(1, f"%kept = alloca [{plan.slots} x {lines.number}], align 64")
+    if plan.slots or plan.apart:
+        slots = max(plan.slots, 1)
+        lines.text.insert(1, f"%kept = alloca [{slots} x {lines.number}], align 64")
     if plan.apart:
         return _in_functions(name, lines, program, plan, machine, abreast)
     wide = (

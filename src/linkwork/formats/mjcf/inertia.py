@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from linkwork.formats import poses
-from linkwork.formats.mjcf.document import Document
+from linkwork.formats.mjcf.document import ACTUATORS, Document
 from linkwork.formats.mjcf.tree import ModelTree, Piece
 from linkwork.formats.notes import Notes
 
@@ -65,6 +65,7 @@ def with_spring_dampers(document: Document, tree: ModelTree, notes: Notes) -> Mo
 
     k = m / (T z)^2,    d = 2 m / T,    1/m: the mean of M^-1 over the joint's rates
     """
+    # The joints, by their number in the file's order.
     wanted = {
         number: T_z
         for number, (_, piece) in enumerate(tree.pieces())
@@ -72,9 +73,15 @@ def with_spring_dampers(document: Document, tree: ModelTree, notes: Notes) -> Mo
     }
     if not wanted:
         return tree
-    for raw in document.each("tendon"):
-        if document.resolved(raw, "tendon").number("armature", 0.0):
+    # What the inertia lacks.
+    tendons = [(raw, document.resolved(raw, "tendon")) for raw in document.each("tendon")]
+    actuators = [
+        (raw, document.resolved(raw, "actuator")) for raw in document.each("actuator", *ACTUATORS)
+    ]
+    for raw, element in (*tendons, *actuators):
+        if element.number("armature", 0.0):
             notes.on(raw, f"{UNSEEN} in springs and dampers by springdamper", alters=True)
+    # Springs and dampers of the joints' own rates.
     M, places = inertia(tree)
     mobilities = np.diag(np.linalg.inv(M))
     made, number = {}, 0

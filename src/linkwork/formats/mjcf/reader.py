@@ -22,6 +22,7 @@ from linkwork.formats.mjcf.fluid import drags_of, fluid_of
 from linkwork.formats.mjcf.inertia import with_spring_dampers
 from linkwork.formats.mjcf.joints import Coupling, Joints, read_joints
 from linkwork.formats.mjcf.loops import Equality, LoopReader, Ties
+from linkwork.formats.mjcf.reflected import reflected, with_reflected
 from linkwork.formats.mjcf.replicas import every
 from linkwork.formats.mjcf.survey import MAKERS, UNMADE, survey
 from linkwork.formats.mjcf.tendons import TendonReader
@@ -71,7 +72,9 @@ def read_mjcf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
 def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
     # The tree of bodies.
     root = document.root
-    tree = with_spring_dampers(document, read_tree(document, notes), notes)
+    tree = read_tree(document, notes)
+    added = reflected(document, tree, notes)
+    tree = with_reflected(with_spring_dampers(document, tree, notes), added.joints)
     loops = LoopReader(document, tree, notes)
     ties = loops.ties()
     # Joints of the tree, and the bodies between several joints of one body.
@@ -89,7 +92,8 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
     drags = drags_of(document, tree, notes) if fluid.density or fluid.viscosity else {}
     dragged = {drag.body for drag in drags.values()}
     # What closes loops: tendons, connects and welds, joint equalities.
-    tendons = TendonReader(document, loops, joints, names, notes).read(ties.tendons)
+    tendon_reader = TendonReader(document, loops, joints, names, notes, added.tendons)
+    tendons = tendon_reader.read(ties.tendons)
     _join_parts(tree, ties, joints, bodies, tendons.used, {*lifts, *dragged})
     closing = loops.closing(ties, names)
     gears = loops.gears(ties, joints, names)

@@ -76,7 +76,8 @@ TENDON = {
 DRIVE = {
     "joint", "jointinparent", "tendon", "body", "site", "refsite", "slidersite", "cranksite",
     "gear", "ctrllimited", "forcelimited", "actlimited", "lengthrange", "cranklength", "interp",
-    "ctrlrange", "forcerange", "actrange", "inheritrange", "area", "diameter", "bias",
+    "ctrlrange", "forcerange", "actrange", "inheritrange", "area", "diameter", "bias", "armature",
+    "damping",
 }  # fmt: skip
 
 ATTRIBUTES: dict[str, set[str]] = {

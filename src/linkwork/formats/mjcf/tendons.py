@@ -21,6 +21,7 @@ from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.geoms import kind_of, measured
 from linkwork.formats.mjcf.joints import Joints
 from linkwork.formats.mjcf.loops import POLYNOMIAL, LoopReader
+from linkwork.formats.mjcf.reflected import Added
 from linkwork.formats.mjcf.tendon_limits import is_limited, stop_of
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
@@ -64,13 +65,15 @@ class Tendons:
 
 @dataclass
 class TendonReader:
-    """Read the section <tendon> of a document; names: give names to joints."""
+    """Read the section <tendon> of a document; names: give names to joints; added: what actuators
+    add to tendons."""
 
     document: Document
     loops: LoopReader
     joints: Joints
     names: FreeNames
     notes: Notes
+    added: Mapping[str, Added]
 
     def __post_init__(self) -> None:
         self.found = Tendons()
@@ -279,11 +282,12 @@ class TendonReader:
             return
         name = element.attributes.get("name", f"tendon_{len(self.found.lines) + 1}")
         line = element.make(Combination, ratios=ratios)
-        self.found.lines[name] = self._loaded(element, line, self._at(ratios, springs=True))
+        at_rest = self._at(ratios, springs=True)
+        self.found.lines[name] = self._loaded(element, line, at_rest, held=holds is not None)
 
-    def _loaded(self, element: Element, line: Loaded, at_rest: float) -> Loaded:
+    def _loaded(self, element: Element, line: Loaded, at_rest: float, held: bool = False) -> Loaded:
         """Return a transmission with what acts along its tendon, whose length where joints' springs
-        rest is given."""
+        rest is given; one that is held at a length never comes to an end of its range."""
         friction = element.number("frictionloss", 0.0)
         if friction:
             self.notes.on(
@@ -292,13 +296,15 @@ class TendonReader:
                 f"reached at rates well above {Friction().coulomb_rate:g} rad/s or m/s",
                 alters=True,
             )
-        limited, tree = is_limited(element, self.document), self.loops.tree
-        line = line.model_copy(update={"inertia": element.number("armature", 0.0)})
+        limited, tree = is_limited(element, self.document) and not held, self.loops.tree
+        inertia, damping = self.added.get(element.attributes.get("name", ""), Added())
+        inertia += element.number("armature", 0.0)
+        line = line.model_copy(update={"inertia": inertia})
         return line.model_copy(
             update={
                 "stop": stop_of(element, line, tree, self.joints, self.notes) if limited else None,
                 "spring": self._spring(element, at_rest),
-                "friction": element.make(Friction, coulomb=friction),
+                "friction": element.make(Friction, coulomb=friction, viscous=damping),
             }
         )
 
