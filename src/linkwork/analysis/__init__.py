@@ -7,6 +7,7 @@ from linkwork.analysis._base_parameters import Base, base_parameters
 from linkwork.analysis._dexterity import Dexterity, dexterity, global_conditioning
 from linkwork.analysis._equilibrium import Equilibrium, distributed_forces, equilibria, equilibrium
 from linkwork.analysis._jacobians import Jacobians, input_output, jacobians
+from linkwork.analysis._transmission_indices import TransmissionIndices, transmission_indices
 from linkwork.analysis._workspace import content, inscribed, workspace
 from linkwork.analysis.excitation import Excitation, exciting_trajectory
 from linkwork.analysis.identification import Identification, Measured, identify, periodic
@@ -35,6 +36,7 @@ __all__ = [
     "NaturalModes",
     "PluggedTree",
     "Singularity",
+    "TransmissionIndices",
     "actuation",
     "along",
     "assembly_modes",
@@ -57,6 +59,7 @@ __all__ = [
     "singularity",
     "stiffness_matrix",
     "tool_stiffness",
+    "transmission_indices",
     "working_modes",
     "workspace",
 ]

@@ -119,6 +119,21 @@ def workspace(
 
 
 @analyse.command()
+def dexterity(
+    context: typer.Context,
+    joints: Joints = None,
+    tool: ToolPose = None,
+    what: What = None,
+    json: Json = False,
+) -> None:
+    """Tell how well the actuators move the tool in a configuration: conditioning, manipulability,
+    transmission angles and indices."""
+    from linkwork.cli import transmission
+
+    transmission.dexterity(context.obj, joints, tool, what, json)
+
+
+@analyse.command()
 def linearise(
     context: typer.Context,
     joints: Joints = None,
