@@ -279,21 +279,19 @@ def test_forces_that_do_not_fit(robot, begun, u, sentence):
         ({"method": "euler"}, "there is no method 'euler'; there are"),
         ({"step": 1e-3}, "there is no option of a stepper 'step'; there are drives"),
         ({"state": 3}, "a state is needed, not int"),
-        ({"state": "stack"}, r"the states are a stack of the shape \(2,\)"),
         ({"forces": [1.0]}, r"forces has shape \(1,\); give 3 numbers"),
         ({"forces": [np.nan] * 3}, r"forces\[0\] is nan"),
     ],
 )
 def test_what_makes_no_stepper(robot, begun, options, sentence):
     given = {"state": begun, "dt": DT, **options}
-    if given["state"] == "stack":
-        given["state"] = robot.state(np.tile(begun.positions, (2, 1)))
     with pytest.raises(lw.LinkworkError, match=sentence):
         robot.stepper(**given)
 
 
 def test_calls_that_do_not_fit(robot, begun):
     stepper = robot.stepper(begun, DT)
+    stack = robot.state(np.tile(begun.positions, (2, 1)))
     for call, sentence in (
         (lambda: stepper.step(steps=0), "steps is 0; give a whole number, at least 1"),
         (lambda: stepper.step(out=np.zeros(3)), r"out is float64 of shape \(3,\); give an array"),
@@ -302,6 +300,7 @@ def test_calls_that_do_not_fit(robot, begun):
         (lambda: stepper.reset(time=np.nan), "time is nan; give finite numbers"),
         (lambda: stepper.reset(time=-1.0), "must start at a finite time from 0 s on, not at -1"),
         (lambda: stepper.reset(robot), "a state is needed, not Robot"),
+        (lambda: stepper.reset(stack), r"a stack of the shape \(2,\); a stepper takes one"),
     ):
         with pytest.raises(lw.LinkworkError, match=sentence):
             call()

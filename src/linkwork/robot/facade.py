@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from linkwork.runs.ensemble import Ensemble
     from linkwork.runs.running import Forces
     from linkwork.simulation import MethodName, Run, Sampled, Signal
-    from linkwork.stepping import Stepper
 
 
 class Robot(Dynamics, Portrayed):
@@ -471,27 +470,26 @@ class Robot(Dynamics, Portrayed):
             progress=progress,
         )
 
-    def stepper(
-        self, state: State | Run, dt: float, forces: Forces = None, **options: Any
-    ) -> Stepper:
+    def stepper(self, state: State | Run, dt: float, forces: Forces = None, **options: Any) -> Any:
         """Return what steps the robot on, dt at a time, under forces that are known only then: for
         real time and hardware in the loop.
 
         Args:
             state: where to start; or a `Run`, of which it goes on as `resume` does.
             dt: length of a step [s].
-            forces: as for `simulate`; where they are left out, or numbers, others may be given to
-                each step.
-            options: `drives`, `wrenches`, `parameters` as for `simulate`; `method`, "rk4" if left
-                out, and rtol, atol of those that choose steps of their own within dt.
+            forces: as for `simulate`, of many as for `ensemble`; where they are left out, or
+                numbers, others may be given to each step.
+            options: as `linkwork.stepping.Stepper` takes them, or of many `Steppers`.
+
+        Returns:
+            A `linkwork.stepping.Stepper`; of a stack of states `Steppers` of as many robots.
 
         Raises:
             LinkworkError: bad input, in one sentence.
         """
-        from linkwork.stepping import Stepper
+        from linkwork import stepping
 
-        checks.known(options, STEPPING, "option of a stepper")
-        return Stepper(self, state, dt, forces, **options)
+        return stepping.made(self, state, dt, forces, options)
 
     def observe(self, state: State) -> Observation:
         """Return a state as controllers see it: state["joint"], rates, poses of tool and bodies, as
@@ -520,7 +518,6 @@ FORMER = ("linearised",)  # names that warn
 OPTIONS = tuple(inspect.signature(Robot.simulate).parameters)[
     3:
 ]  # of a run, without self, state and forces
-STEPPING = ("drives", "wrenches", "parameters", "method", "rtol", "atol")
 ACTING = {
     "drives",
     "wrenches",

@@ -1,0 +1,446 @@
+"""Many robots a step at a time, compiled: a member in each lane, by a method of a fixed step.
+
+The arithmetic is that of `native` in the same order, lane by lane, so that no member depends on its
+neighbours. What the members are stands in arrays with a column for each, `stride` columns in a row;
+LANES of them are taken out at a time, moved on by all of their steps, and put back. A member whose
+step cannot be taken keeps its state, and is told why by its status; the others go on.
+
+Tables, (rows, LANES) each: `y`, states at the starts of the steps; `x`, rows (y, u, p); `k`, rows
+(y', pivot), stage after stage; `z`, rows (q, p); `z_next`, what the closure gives; `now`, numbers
+of the members as in `lane_tables`.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+from linkwork.simulation.compiled import INLINED, OPTIONS, compiled_once
+from linkwork.simulation.lane_steps import combine, move, project
+from linkwork.simulation.lane_tables import (
+    ARRIVAL,
+    BOUND,
+    LIVE,
+    LOOSE,
+    NOW,
+    RESIDUAL,
+    STEP,
+    TIME,
+    WANTED,
+    room,
+)
+from linkwork.simulation.native_parts import (
+    CLOSURE_LOST,
+    NON_FINITE,
+    OK,
+    RESERVE,
+    SINGULAR,
+    force,
+    inputs_of,
+    method_of,
+    turns_in,
+    whole,
+    without,
+)
+from linkwork.simulation.pointers import POINTER, pointer, uncounted
+from linkwork.simulation.vectors import (
+    LANES,
+    VECTOR,
+    absolute,
+    as_table,
+    call_wide,
+    choose,
+    every,
+    larger,
+    load,
+    some,
+    splat,
+    store,
+)
+
+NUMBERS = 4  # rows of `numbers`
+ORIGIN, WHEN, LIMIT, SLACK = range(NUMBERS)
+"""Of each member: the time that its steps are counted from, the present time [s], the bound of its
+pivots, and the factor on the closure's tolerance."""
+COUNTS = 4  # rows of `counts`
+CODE, NUMBER, LEFT, WRITTEN = range(COUNTS)
+"""Of each member: its status, the number of its last step, how many are left, whether q was written
+since."""
+
+
+class Herd(NamedTuple):
+    """Hold all members, a column each.
+
+    y: states as the user sees them (n, stride); held: as they are moved on, angles without the
+        whole `turns` (nq, stride); u: forces that are given (nu, stride); p: parameters
+        (np, stride)
+    numbers, counts: rows named above
+    """
+
+    y: Any
+    held: Any
+    turns: Any
+    u: Any
+    p: Any
+    numbers: Any
+    counts: Any
+
+
+class StepDemands(NamedTuple):
+    """Say what is asked of all members: `turning` (2, nq), spans and wraps of `turns.Turning`; the
+    length of a `step` [s]; the closure's tolerance; the `first` column that the forces have among
+    the inputs."""
+
+    turning: Any
+    step: float
+    closure_tol: float
+    first: int
+
+
+class LaneBlock(NamedTuple):
+    """Where LANES members are computed, as told above; `who`: their columns."""
+
+    y: Any
+    x: Any
+    k: Any
+    z: Any
+    z_next: Any
+    now: Any
+    inputs: Any
+    who: Any
+    n: int
+    nq: int
+
+
+def _vector_at(typing_context, numbers, index):
+    """Return the vector of LANES numbers from one on."""
+
+    def generate(context, builder, signature, values):
+        kind = ir.VectorType(ir.DoubleType(), LANES).as_pointer()
+        return builder.load(builder.bitcast(builder.gep(values[0], [values[1]]), kind), align=8)
+
+    return VECTOR(POINTER, types.intp), generate
+
+
+def _put_vector(typing_context, numbers, index, vector):
+    """Write LANES numbers from one on."""
+
+    def generate(context, builder, signature, values):
+        kind = ir.VectorType(ir.DoubleType(), LANES).as_pointer()
+        place = builder.bitcast(builder.gep(values[0], [values[1]]), kind)
+        builder.store(values[2], place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(POINTER, types.intp, VECTOR), generate
+
+
+vector_at: Any = intrinsic(_vector_at)
+put_vector: Any = intrinsic(_put_vector)
+
+
+@njit(**INLINED)
+def taken(array, rows, first, block, table, row):
+    """Take rows of the members out of an array, from a row of a table on; `first`: the column of
+    the first where they stand one after the other, else -1."""
+    numbers, stride = pointer(array), array.shape[1]
+    for m in range(rows):
+        if first >= 0:
+            store(table, row + m, vector_at(numbers, m * stride + first))
+        else:
+            for lane in range(LANES):
+                table[row + m, lane] = numbers[m * stride + block.who[lane]]
+
+
+@njit(**INLINED)
+def put(table, rows, first, live, block, array):
+    """Put rows of the members back into an array: all lanes where they stand one after the other,
+    else those that are live."""
+    numbers, stride = pointer(array), array.shape[1]
+    for m in range(rows):
+        if first >= 0:
+            put_vector(numbers, m * stride + first, load(table, m))
+        else:
+            for lane in range(live):
+                numbers[m * stride + block.who[lane]] = table[m, lane]
+
+
+@njit(**OPTIONS)
+def take_over(herd, asked, closure, live, block):
+    """Take over what was written to the states of the members; end those of which it cannot be, and
+    leave them where they were."""
+    n, nq, now, before, moved = block.n, block.nq, block.now, block.k, 0
+    for lane in range(live):
+        i, now[WANTED, lane], code = block.who[lane], 0.0, OK
+        for m in range(n):
+            turns = herd.turns[m, i] if m < nq else 0.0
+            told = whole(herd.held[m, i], turns) if turns != 0.0 else herd.held[m, i]
+            if m < nq:
+                before[m, lane] = turns
+            if not math.isfinite(herd.y[m, i]):
+                code = NON_FINITE
+            elif herd.y[m, i] != told:
+                block.y[m, lane] = herd.y[m, i]
+                if m < nq:
+                    now[WANTED, lane], herd.turns[m, i], moved = 1.0, 0.0, moved + 1
+        if code != OK:
+            leave(herd, code, lane, block)
+    if moved == 0:
+        return
+    # The loops of those whose q was written are closed.
+    settle(herd, asked, live, block)
+    for lane in range(live):
+        if now[WANTED, lane] > 0:
+            herd.counts[WRITTEN, block.who[lane]] = 1
+    if closure != 0:
+        project(closure, nq, block.y, block.z, block.z_next, now, asked.closure_tol, math.inf)
+        for lane in range(live):
+            closed = now[RESIDUAL, lane] <= asked.closure_tol * now[LOOSE, lane]
+            if now[WANTED, lane] > 0 and not closed:
+                leave(herd, CLOSURE_LOST, lane, block)
+
+
+@njit(**OPTIONS)
+def leave(herd, code, lane, block):
+    """End a member where it was before anything was written to it."""
+    i = block.who[lane]
+    herd.counts[CODE, i], block.now[LIVE, lane], block.now[WANTED, lane] = code, 0.0, 0.0
+    for m in range(block.n):
+        block.y[m, lane] = herd.held[m, i]
+        if m < block.nq:
+            herd.turns[m, i] = block.k[m, lane]
+
+
+@njit(**OPTIONS)
+def settle(herd, asked, live, block):
+    """Count whole turns of large angles apart, and loosen the closure where other coordinates are
+    large."""
+    y, now, turning = block.y, block.now, asked.turning
+    for lane in range(live):
+        i, now[LOOSE, lane] = block.who[lane], 1.0
+        for m in range(block.nq):
+            if abs(y[m, lane]) > turning[0, m]:
+                if turning[1, m] > 0:
+                    count = turns_in(y[m, lane])
+                    y[m, lane] = without(y[m, lane], count)
+                    herd.turns[m, i] += count
+                else:
+                    now[LOOSE, lane] = max(now[LOOSE, lane], abs(y[m, lane]) / turning[0, m])
+
+
+@njit(**OPTIONS)
+def set_inputs(theta, signal, herd, asked, block):
+    """Evaluate what is given over time at t + theta h in all lanes, but for the forces."""
+    x, n, now, columns = block.x, block.n, block.now, signal.columns
+    end = asked.first + herd.u.shape[0]
+    for lane in range(LANES):
+        force(signal, now[TIME, lane] + theta * now[STEP, lane], theta > 0, 0, block.inputs)
+        for j in range(columns):
+            if j < asked.first or j >= end:
+                x[n + j, lane] = block.inputs[j]
+
+
+@njit(**OPTIONS)
+def ailment(stages, asked, lane, block):
+    """Return why a step could not be taken, in the order of the stages."""
+    n, k, now = block.n, block.k, block.now
+    for i in range(stages):
+        pivot = k[i * (n + 1) + n, lane]
+        if not pivot >= now[BOUND, lane]:
+            return NON_FINITE if math.isnan(pivot) else SINGULAR
+        for m in range(n):
+            if not math.isfinite(k[i * (n + 1) + m, lane]):
+                return NON_FINITE
+    lost = not now[RESIDUAL, lane] <= asked.closure_tol * now[LOOSE, lane]
+    return CLOSURE_LOST if lost else NON_FINITE
+
+
+@njit(**INLINED)
+def advance(motion, closure, method, signal, timed, herd, asked, block):
+    """Try a step in all lanes; leave the new states in x, and return where they may be
+    accepted."""
+    n, nq, y, x, k, now = block.n, block.nq, block.y, block.x, block.k, block.now
+    for m in range(n):
+        store(x, m, load(y, m))
+    for i in range(method.solution):
+        if i > 0:
+            combine(method.a + i * method.stages, i, n, now, y, k, x)
+        if timed:
+            set_inputs(method.c[i], signal, herd, asked, block)
+        call_wide(motion, x, k, i * (n + 1))
+    last = method.solution
+    combine(method.a + last * method.stages, last, n, now, y, k, x)
+    store(now, RESIDUAL, splat(0.0))
+    if closure != 0:
+        store(now, WANTED, load(now, LIVE))
+        project(closure, nq, x, block.z, block.z_next, now, asked.closure_tol, RESERVE)
+    # What may be accepted: pivots above their bound, loops closed, finite numbers.
+    healthy = load(now, RESIDUAL) <= splat(asked.closure_tol) * load(now, LOOSE)
+    for i in range(last):
+        healthy = healthy & (load(k, i * (n + 1) + n) >= load(now, BOUND))
+    nothing = splat(0.0)
+    for m in range(n):
+        nothing = nothing + splat(0.0) * load(x, m)
+    return healthy & (nothing >= splat(0.0))
+
+
+@njit(**OPTIONS)
+def aim(herd, asked, live, block):
+    """Choose the steps of the lanes, to the next times that their steps end at; return how many
+    lanes go on."""
+    now, count = block.now, 0
+    for lane in range(LANES):
+        i, now[STEP, lane] = block.who[lane], 0.0
+        if lane >= live or herd.counts[LEFT, i] <= 0:
+            now[LIVE, lane] = 0.0
+        if now[LIVE, lane] > 0:
+            goal = herd.numbers[ORIGIN, i] + (herd.counts[NUMBER, i] + 1) * asked.step
+            now[ARRIVAL, lane], now[STEP, lane] = goal, goal - now[TIME, lane]
+            count += 1
+    return count
+
+
+@njit(**OPTIONS)
+def book(stages, herd, asked, healthy, block):
+    """Count the steps that were taken, and end the members whose step could not be."""
+    now = block.now
+    store(now, WANTED, choose(healthy, splat(1.0), splat(0.0)))
+    for lane in range(LANES):
+        i = block.who[lane]
+        if now[LIVE, lane] > 0 and now[WANTED, lane] > 0:
+            now[TIME, lane] = now[ARRIVAL, lane]
+            herd.counts[NUMBER, i] += 1
+            herd.counts[LEFT, i] -= 1
+            herd.counts[WRITTEN, i] = 0
+        elif now[LIVE, lane] > 0:
+            herd.counts[CODE, i], now[LIVE, lane] = ailment(stages, asked, lane, block), 0.0
+            now[WANTED, lane] = 0.0
+        else:
+            now[WANTED, lane] = 0.0
+
+
+@njit(**INLINED)
+def begin(herd, asked, closure, signal, first, live, block):
+    """Take the members out, with what was written to them."""
+    n, nq, x, y, now = block.n, block.nq, block.x, block.y, block.now
+    forces, inputs = herd.u.shape[0], n + signal.columns
+    taken(herd.held, n, first, block, y, 0)
+    taken(herd.y, n, first, block, x, 0)
+    taken(herd.u, forces, first, block, x, n + asked.first)
+    taken(herd.p, herd.p.shape[0], first, block, x, inputs)
+    taken(herd.p, herd.p.shape[0], first, block, block.z, nq)
+    for lane in range(LANES):
+        i = block.who[lane]
+        now[TIME, lane], now[BOUND, lane] = herd.numbers[WHEN, i], herd.numbers[LIMIT, i]
+        now[LOOSE, lane], now[LIVE, lane] = herd.numbers[SLACK, i], 1.0 if lane < live else 0.0
+    # Seldom anything was written; where turns are counted it is looked for lane by lane.
+    nothing, same = splat(0.0), splat(0.0) <= splat(0.0)
+    for m in range(n):
+        told, held = load(x, m), load(y, m)
+        same = same & (told <= held) & (held <= told)
+    if not every(same):
+        take_over(herd, asked, closure, live, block)
+    # Forces that are no numbers end their member, whatever a drive would make of them.
+    for j in range(forces):
+        nothing = nothing + splat(0.0) * load(x, n + asked.first + j)
+    if not every(nothing >= splat(0.0)):
+        for lane in range(live):
+            for j in range(forces):
+                if not math.isfinite(x[n + asked.first + j, lane]):
+                    herd.counts[CODE, block.who[lane]], now[LIVE, lane] = NON_FINITE, 0.0
+
+
+@njit(**INLINED)
+def finish(herd, asked, first, live, block):
+    """Put the members back where they came to, with the whole turns of their angles for the
+    user."""
+    n, y, x, now = block.n, block.y, block.x, block.now
+    put(y, n, first, live, block, herd.held)
+    turned = 0
+    for lane in range(live):
+        i = block.who[lane]
+        herd.numbers[WHEN, i], herd.numbers[SLACK, i] = now[TIME, lane], now[LOOSE, lane]
+        for m in range(block.nq):
+            turned += herd.turns[m, i] != 0.0
+    for m in range(n):
+        store(x, m, load(y, m))
+    if turned > 0:
+        for lane in range(live):
+            for m in range(block.nq):
+                turns = herd.turns[m, block.who[lane]]
+                if turns != 0.0:
+                    x[m, lane] = whole(y[m, lane], turns)
+    put(x, n, first, live, block, herd.y)
+
+
+@njit(**OPTIONS)
+def large(asked, block):
+    """Tell whether a coordinate may be large in any lane, beyond the shortest of all spans, or
+    was."""
+    shortest, largest = np.inf, splat(0.0)
+    for m in range(block.nq):
+        shortest = min(shortest, asked.turning[0, m])
+        largest = larger(absolute(load(block.y, m)), largest)
+    return some((largest >= splat(shortest)) | (load(block.now, LOOSE) >= splat(1.0 + 1e-15)))
+
+
+def _tuple(kind, *fields):
+    return types.BaseTuple.from_types(fields, kind)
+
+
+_list = types.Array(types.float64, 1, "C", readonly=True)
+_rows, _counts = (types.Array(kind, 2, "C") for kind in (types.float64, types.intp))
+_wholes = types.Array(types.intp, 1, "C", readonly=True)
+SIGNATURE = (
+    *(types.intp, types.intp, _list, _list, types.boolean),
+    _tuple(Herd, _rows, _rows, _rows, _rows, _rows, _rows, _counts),
+    _tuple(StepDemands, _rows, types.float64, types.float64, types.intp),
+    _wholes,
+)
+
+
+@compiled_once("the stepper of many robots", SIGNATURE)
+def steps(motion, closure, plan, table, timed, herd, asked, members):
+    """Take the steps that are left of some members in one chart; return how many had to stop.
+
+    motion, closure: addresses of the kernels for states side by side, the latter 0 where there is
+    none; plan: `StepPlan.table` of a fixed step; table: `Signal.table`, the inputs, of which
+    columns are the forces; timed: whether others vary; members: columns, in their order.
+    """
+    # Where LANES members are computed.
+    herd, asked = uncounted(herd), uncounted(asked)
+    method, (signal, _) = method_of(pointer(plan)), inputs_of(pointer(table))
+    n, nq, p = herd.y.shape[0], herd.turns.shape[0], herd.p.shape[0]
+    sizes = (n, n + signal.columns + p, method.stages * (n + 1), nq + p, nq + 1, NOW)
+    ends = np.cumsum(np.array(sizes))
+    space, inputs = room(ends[-1]), np.empty(signal.columns + 1)
+    who = np.empty(LANES, np.intp)
+    block = LaneBlock(
+        as_table(space), as_table(space[ends[0] :]), as_table(space[ends[1] :]),
+        as_table(space[ends[2] :]), as_table(space[ends[3] :]), as_table(space[ends[4] :]),
+        pointer(inputs), who, n, nq,
+    )  # fmt: skip
+    # What does not vary is the same for all.
+    if not timed:
+        set_inputs(0.0, signal, herd, asked, block)
+    stopped = 0
+    for begun in range(0, members.size, LANES):
+        live = min(LANES, members.size - begun)
+        for lane in range(LANES):
+            who[lane] = members[begun + min(lane, live - 1)]
+        adjacent = live == LANES and who[LANES - 1] - who[0] == LANES - 1
+        first = who[0] if adjacent else -1
+        begin(herd, asked, closure, signal, first, live, block)
+        while aim(herd, asked, live, block) > 0:
+            healthy = advance(motion, closure, method, signal, timed, herd, asked, block)
+            book(method.solution, herd, asked, healthy, block)
+            move(block.x, 0, block.y, n, load(block.now, WANTED) <= splat(0.0))
+            if large(asked, block):
+                settle(herd, asked, live, block)
+        finish(herd, asked, first, live, block)
+        for lane in range(live):
+            stopped += herd.counts[CODE, who[lane]] != OK
+    space[0, 0] = inputs[0] = 0.0  # the memory of the block lives to the end
+    return stopped

@@ -1,0 +1,450 @@
+"""Many robots that are stepped on together, a member in each lane of the vector registers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import wait
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.checks import by_name, count, shown
+from linkwork.errors import LinkworkError
+from linkwork.model import checks
+from linkwork.model.chart_transfer import reread
+from linkwork.model.charts import OWN, CompiledChart
+from linkwork.model.closing import settled
+from linkwork.model.parameters import with_parameters
+from linkwork.model.state import State
+from linkwork.model.turning import turning
+from linkwork.runs.members import Members, forces_of_each, members
+from linkwork.runs.passage import CLOSURE, LOWER, RECOVERED, SOFT
+from linkwork.runs.running import EXAMPLE
+from linkwork.runs.settings import Settings
+from linkwork.runs.side_by_side import Stands, begun, in_better_charts, pivots
+from linkwork.runs.system import require_starts
+from linkwork.simulation import RK4, Status
+from linkwork.simulation.threads import crew, usable_processors
+from linkwork.simulation.turns import whole
+from linkwork.simulation.vectors import LANES
+from linkwork.stepping.native_many import (
+    CODE,
+    COUNTS,
+    LEFT,
+    LIMIT,
+    NUMBER,
+    NUMBERS,
+    ORIGIN,
+    SLACK,
+    WHEN,
+    WRITTEN,
+    Herd,
+    StepDemands,
+    steps,
+)
+from linkwork.stepping.stepper import ROUNDING, Stepper, is_free, require_room
+
+if TYPE_CHECKING:
+    from linkwork.control import Drive, Wrench
+    from linkwork.model.model import Model
+    from linkwork.runs.system import Forces
+
+FEWEST = 256  # members that are worth a thread
+OFTEN = OWN + 1  # evaluations that are to come, for which charts get code of their own
+Index = int | slice | Sequence[int] | np.ndarray
+OK, SINGULAR = int(Status.FINISHED), int(Status.SINGULAR)
+
+
+class Steppers:
+    """Step N robots on together, dt at a time, each under its own forces.
+
+    Made by `Robot.stepper` of a stack of states. A member does what a `Stepper` with method "rk4"
+    does alone; its neighbours do not matter. One whose step cannot be taken keeps the state before
+    it and tells why by its `status`; the others go on.
+
+    Attributes:
+        y: the states (N, n), of which q (N, nq), v (N, n) and z (N, nz) are views: as of a
+            `Stepper`, to be read and written between two steps.
+        u: forces of the actuators (N, actuators) that act until others are given [N, N m]; (N, 0)
+            where a controller or signals were given.
+        status: how each member is (N,), as `Status`: FINISHED, 0, of those that go on; another one
+            until the member is `reset`.
+        time: of each member (N,) [s].
+        dt: length of a step [s]; threads: over which they are dealt.
+    """
+
+    def __init__(
+        self,
+        robot: Model,
+        states: State,
+        dt: float,
+        forces: Forces = None,
+        *,
+        drives: Mapping[str, Drive] | None = None,
+        wrenches: Sequence[Wrench] = (),
+        parameters: Mapping[str, ArrayLike] | None = None,
+        method: str = "rk4",
+        threads: int | None = None,
+    ):
+        self.dt = checks.positive(dt, "dt", "s")
+        self.threads = usable_processors() if threads is None else count(threads, "threads")
+        if method != "rk4":
+            raise LinkworkError(
+                f"many robots are stepped on together by 'rk4', not by {method!r}; make a stepper "
+                "of each, robot.stepper(states.at(0), ...), for other methods"
+            )
+        own, given = forces_of_each(robot, forces)
+        if own is not None and not isinstance(own, np.ndarray):
+            raise LinkworkError(
+                "signals of each robot are no forces of steppers; give those of the moment to step"
+            )
+        values = by_name(parameters, "parameters", EXAMPLE)
+        self._given = {"drives": drives, "wrenches": wrenches}
+        self._batch = members(robot, states, forces, values, drives, wrenches, (), self.dt, False)
+        if self._batch.system.sampler is not None:
+            raise LinkworkError(
+                "a sampled controller is not stepped on in many robots together; make a stepper of "
+                "each, robot.stepper(states.at(0), ...), or give it as a controller (t, state)"
+            )
+        self._settings = Settings(duration=self.dt, method="rk4", step=self.dt)
+        self._forces, self._free = given, is_free(forces)
+        self._furnish(own)
+        self.reset()
+
+    def _furnish(self, own: np.ndarray | None) -> None:
+        """Make the arrays, with a column for each member and some to fill the lanes."""
+        batch, system = self._batch, self._batch.system
+        equations, N = batch.robot.equations, len(batch)
+        stride = -(-N // LANES) * LANES + LANES  # whole vectors, and no power of two
+        nq, n, nz = equations.nq, equations.mobility, len(system.states)
+        inputs, acting = system.inputs, system.acting
+        first = int(acting.timed) if acting else 0
+        commands = len(batch.robot.actuators) * self._free
+        self._first = np.zeros((N, commands))
+        self._first[:] = inputs.coefficients[0, 0, first : first + commands] if own is None else own
+        self._herd = herd = Herd(
+            np.zeros((nq + n + nz, stride)),
+            np.zeros((nq + n + nz, stride)),
+            np.zeros((nq, stride)),
+            np.zeros((commands, stride)),
+            np.zeros((batch.p.shape[1], stride)),
+            np.zeros((NUMBERS, stride)),
+            np.zeros((COUNTS, stride), np.intp),
+        )
+        herd.p[:, :N] = batch.p.T
+        self.y, self.u = herd.y[:, :N].T, herd.u[:, :N].T
+        self.q, self.v, self.z = self.y[:, :nq], self.y[:, nq : nq + n], self.y[:, nq + n :]
+        self.status, self.time = herd.counts[CODE, :N], herd.numbers[WHEN, :N].view()
+        for told in (self.status, self.time):
+            told.flags.writeable = False
+        # What is asked of all of them.
+        timed = np.delete(inputs.coefficients, range(first, first + commands), axis=2).size > 0
+        own_turning = turning(batch.robot.turning, batch.robot.chart, acting)
+        asked = np.ascontiguousarray(own_turning.table[:2])
+        self._asked = StepDemands(asked, self.dt, CLOSURE * batch.robot.size, first)
+        self._inputs = RK4(self.dt).plan.table, inputs.table, timed
+        self._seen = np.zeros((N, len(batch.robot.coordinates)))
+        self._charts: dict[object, CompiledChart] = {}
+        self._of = np.full(N, None, object)
+        self._teams: list[tuple[CompiledChart, np.ndarray]] | None = None
+
+    def __len__(self) -> int:
+        return len(self._batch)
+
+    def __repr__(self) -> str:
+        name, on = self._batch.robot.mechanism.name, int((self.status == OK).sum())
+        return f"Steppers({name!r}, {len(self)} robots, {on} go on, dt = {self.dt:g} s)"
+
+    def __reduce__(self) -> NoReturn:
+        raise LinkworkError(
+            "steppers cannot be copied or pickled: they hold compiled code and its memory; send "
+            "steppers.states, and make others of these"
+        )
+
+    def step(
+        self, u: ArrayLike | None = None, steps: int = 1, out: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Take one step, or some, of all members that go on, and return the states (N, n).
+
+        Args:
+            u: forces of the actuators (N, actuators), or (actuators) for all [N, N m], which act
+                over all of the steps; those of before if left out. Of numbers that are not finite
+                the member is told, by its status.
+            steps: how many.
+            out: where to write the states; a new array if left out. With the steppers' own y no
+                number is copied.
+
+        Raises:
+            LinkworkError: forces that do not fit; signals that end; they are refused before
+                anything happens.
+        """
+        if u is not None:
+            self._command(u)
+        if steps != 1:
+            steps = count(steps, "steps")
+        if out is not None and out is not self.y:
+            require_room(out, self.y.shape)
+        self._require_signals(steps)
+        left = self._herd.counts[LEFT]
+        left[:] = steps
+        # Charts are changed where they weaken, until nobody has steps left.
+        stopped = self._take(self._running())
+        while stopped:
+            self._teams = None
+            self._change_charts()
+            on = [(chart, who[left[who] > 0]) for chart, who in self._running()]
+            stopped = self._take([(chart, who) for chart, who in on if who.size])
+        self._raise_bounds()
+        if out is None:
+            return self.y.copy()
+        if out is not self.y:
+            out[:] = self.y
+        return out
+
+    @property
+    def states(self) -> State:
+        """The states, a stack of N in the robot's own independent rates; rates that these do not
+        tell are nan. Whole turns of joints that close loops are followed from one asking to the
+        next."""
+        batch, N = self._batch, len(self)
+        robot, nq, n = batch.robot, self._herd.turns.shape[0], batch.robot.mobility
+        rates = np.full((N, n), np.nan)
+        held = np.ascontiguousarray(self._herd.held[:, :N].T)
+        for chart, who in self._grouped(np.arange(N)):
+            q, v = held[who, :nq], held[who, nq : nq + n]
+            found, kept = reread(robot, chart, robot.chart, q, v, batch.p_robot(who))
+            rates[who[kept]] = found[kept]
+        q = np.ascontiguousarray(whole(held[:, :nq], self._herd.turns[:, :N].T))
+        (read,) = robot.kernel("positions")(q, batch.p_robot())
+        self._seen = robot.labels.nearest(read, self._seen)
+        return State(self._seen, rates, q, robot.coordinates, robot.independent)
+
+    def independent(self, index: int) -> tuple[str, ...]:
+        """Return the names of the rates that v holds of a member."""
+        return self._charts[self._of[self._one(index)]].independent
+
+    def alone(self, index: int) -> Stepper:
+        """Return a `Stepper` of one member as it is: its `run` is told in all quantities, and where
+        the member ended its `step` raises why."""
+        i, batch = self._one(index), self._batch
+        robot, chart = batch.robot, self._charts[self._of[i]]
+        values = {name: float(given[i]) for name, given in batch.varied.items()}
+        own = {name: values.pop(name) for name in list(values) if name in robot.parameters}
+        robot = with_parameters(robot, own) if own else robot
+        forces = self.u[i].copy() if self._free else self._forces
+        given: dict[str, Any] = {**self._given, "parameters": values or None}
+        q = np.ascontiguousarray(self.q[i])
+        robot.charts.setdefault(chart.independent, chart)
+        state = replace(
+            robot.make_state(q, np.ascontiguousarray(self.v[i])), independent=chart.independent
+        )
+        stepper = Stepper(robot, state, self.dt, forces, **given)
+        stepper.reset(state, float(self.time[i]))
+        stepper.z[:] = self.z[i]
+        return stepper
+
+    def reset(
+        self, index: Index | None = None, state: State | None = None, time: ArrayLike = 0.0
+    ) -> None:
+        """Put members at states, with extra states of drives and controllers as at a start, and the
+        forces of the start.
+
+        Args:
+            index: which: a number, a slice, numbers, or a mask (N,); all if left out.
+            state: one for all of them, or a stack of as many; those that they were made with if
+                left out.
+            time: [s].
+
+        Raises:
+            LinkworkError: what does not fit; nobody is moved then.
+        """
+        who = self._which(index)
+        times = checks.finite(time, "time")
+        if times.shape not in ((), who.shape) or (times < 0).any():
+            raise LinkworkError(
+                f"time {shown(time)} does not fit; give one from 0 s on, or one for each of "
+                f"{who.size} robots"
+            )
+        batch = self._some(who, state)
+        for stands in begun(batch, self._settings):
+            q, v, z = np.split(stands.y, [self.q.shape[1], self.q.shape[1] + self.v.shape[1]], 1)
+            p = batch.p_robot(stands.members)
+            q, _ = settled(stands.chart.kernel("closure_step"), np.ascontiguousarray(q), p)
+            self._enter(stands.chart, who[stands.members], np.concatenate([q, v, z], 1))
+        self._herd.turns[:, who], self._herd.u[:, who] = 0.0, self._first[who].T
+        self._start(who, np.broadcast_to(times, who.shape))
+        self._seen[who] = batch.given.positions
+
+    def _some(self, who: np.ndarray, state: State | None) -> Members:
+        """Return what some members go out from: what they did at first, or other states."""
+        batch = self._batch
+        p = batch.p[who] if len(batch.p) > 1 else batch.p
+        if state is None:
+            given = batch.given.at(who) if batch.given.batch else batch.given
+            told, q, v = batch.told[who], batch.q[who], batch.v[who]
+            return replace(batch, given=given, told=told, q=q, v=v, p=p, forces=None)
+        robot, given = batch.robot, require_states(batch.robot, state, who.size)
+        require_starts(batch.system, given, batch.varied)
+        q, v = (np.broadcast_to(x, (who.size, x.shape[-1])).copy() for x in (given.q, given.rates))
+        chart, told = robot.chart_of(given), np.ones(who.size, bool)
+        if chart is robot.chart and chart is not robot.run_chart:
+            own = np.ascontiguousarray(p[:, : robot.p.size])
+            v, told = reread(robot, chart, robot.run_chart, q, v, own)
+            chart = robot.run_chart
+        return replace(batch, given=given, chart=chart, told=told, q=q, v=v, p=p, forces=None)
+
+    def _enter(self, chart: CompiledChart, who: np.ndarray, y: np.ndarray) -> None:
+        """Put members at states (M, n) in a chart."""
+        herd = self._herd
+        self._charts[chart.key] = chart
+        for i in who.tolist():
+            self._of[i] = chart.key
+        herd.held[:, who] = y.T
+        seen = y.copy()
+        nq = herd.turns.shape[0]
+        seen[:, :nq] = whole(seen[:, :nq], herd.turns[:, who].T)
+        herd.y[:, who] = seen.T
+        herd.numbers[LIMIT, who], herd.counts[CODE, who] = SOFT, OK
+        self._teams = None
+
+    def _start(self, who: np.ndarray, time: np.ndarray) -> None:
+        """Put members at times: steps end at multiples of dt, of a start beside them so many after
+        it."""
+        number = np.rint(time / self.dt)
+        beside = np.abs(time - number * self.dt) > ROUNDING * self.dt
+        numbers, counts = self._herd.numbers, self._herd.counts
+        numbers[WHEN, who], numbers[SLACK, who] = time, 1.0
+        numbers[ORIGIN, who] = np.where(beside, time, 0.0)
+        counts[NUMBER, who], counts[WRITTEN, who] = np.where(beside, 0, number), 0
+
+    def _running(self) -> list[tuple[CompiledChart, np.ndarray]]:
+        """Return the members that go on, chart by chart."""
+        if self._teams is None:
+            self._teams = self._grouped(np.flatnonzero(self.status == OK))
+        return self._teams
+
+    def _grouped(self, who: np.ndarray) -> list[tuple[CompiledChart, np.ndarray]]:
+        """Return members chart by chart."""
+        keys = self._of[who]
+        groups = [(chart, who[[key is own for own in keys]]) for key, chart in self._charts.items()]
+        return [(chart, own) for chart, own in groups if own.size]
+
+    def _take(self, teams: Sequence[tuple[CompiledChart, np.ndarray]]) -> int:
+        """Take the steps that are left of members; return how many had to stop."""
+        stopped = 0
+        for chart, who in teams:
+            system, constrained = self._batch.system, chart.equations.constrained
+            motion = system.side_by_side(chart, "motion", OFTEN)
+            closure = chart.closing_side_by_side(OFTEN) if constrained else 0
+            given = motion, closure, *self._inputs, self._herd, self._asked
+            parts = min(self.threads, who.size // FEWEST)
+            if parts < 2:
+                stopped += steps(*given, who)
+                continue
+            size = -(-who.size // (parts * LANES)) * LANES
+            with crew(parts) as pool:
+                shares = [who[first : first + size] for first in range(0, who.size, size)]
+                jobs = [pool.submit(steps, *given, share) for share in shares]
+                wait(jobs)
+            stopped += sum(job.result() for job in jobs)
+        return stopped
+
+    def _change_charts(self) -> None:
+        """Let members whose pivots have weakened go on in better charts, or under a lower bound;
+        those for whom there is none are left where they stopped."""
+        herd = self._herd
+        for chart, who in self._grouped(np.flatnonzero(self.status == SINGULAR)):
+            # q that was written may lie where the pivots have other signs.
+            faced = herd.counts[WRITTEN, who] > 0
+            for i in who[faced].tolist():
+                own = chart.facing(np.ascontiguousarray(herd.held[: self.q.shape[1], i]))
+                self._enter(own, np.array([i]), herd.held[:, [i]].T)
+                herd.counts[WRITTEN, i] = 0
+            stands = self._stands(chart, who[~faced])
+            better, changed = in_better_charts(self._batch, stands, True)
+            for other in better:
+                self._enter(other.chart, other.members, other.y)
+            # Where nothing is better the bound is lowered, down to the hard one.
+            left = stands[np.flatnonzero(~changed & (stands.bound > checks.PIVOT_BOUND))]
+            lower = LOWER * np.minimum(left.bound, pivots(self._batch, left))
+            herd.numbers[LIMIT, left.members] = np.maximum(checks.PIVOT_BOUND, lower)
+            herd.counts[CODE, left.members] = OK
+
+    def _raise_bounds(self) -> None:
+        """Raise the bounds that were lowered where the pivots have recovered."""
+        limit = self._herd.numbers[LIMIT, : len(self)]
+        if limit.min(initial=SOFT) == SOFT:
+            return
+        for chart, who in self._grouped(np.flatnonzero((limit < SOFT) & (self.status == OK))):
+            limit[who[pivots(self._batch, self._stands(chart, who)) > RECOVERED * SOFT]] = SOFT
+
+    def _stands(self, chart: CompiledChart, who: np.ndarray) -> Stands:
+        """Return where members stand in a chart."""
+        herd, none = self._herd, np.zeros(who.size, int)
+        t, bound = herd.numbers[WHEN, who], herd.numbers[LIMIT, who]
+        y, turns = (np.ascontiguousarray(part[:, who].T) for part in (herd.held, herd.turns))
+        return Stands(chart, who, t, y, turns, none, none + 1, bound, np.full(who.size, self.dt))
+
+    def _command(self, u: ArrayLike) -> None:
+        """Take forces of all members, or refuse them."""
+        names, N = self._batch.robot.actuators, len(self)
+        if not self._free:
+            raise LinkworkError(
+                "the forces of these steppers are those that they were made with, a controller or "
+                "signals; step without u, or leave forces out of robot.stepper"
+            )
+        try:
+            given = np.asarray(u, float) if np.isrealobj(u) else None
+        except (TypeError, ValueError):
+            given = None
+        if given is None or given.shape not in ((N, len(names)), (len(names),)):
+            what = shown(u) if given is None else f"of shape {given.shape}"
+            raise LinkworkError(
+                f"forces are {what}; give ({N}, {len(names)}) numbers, a row for each robot, or "
+                f"{len(names)} for all: {', '.join(names)}"
+            )
+        self.u[:] = given
+
+    def _require_signals(self, steps: int) -> None:
+        """Refuse steps for which signals are not known."""
+        end = self._batch.system.inputs.span[1]
+        if end < np.inf:
+            latest = self.time[self.status == OK].max(initial=0.0)
+            if latest + steps * self.dt > end + ROUNDING * self.dt:
+                raise LinkworkError(
+                    f"what acts is sampled up to {end:g} s, and the last of the robots is at t = "
+                    f"{latest:.9g} s; give samples for longer, or reset the robots"
+                )
+
+    def _which(self, index: Index | None) -> np.ndarray:
+        """Return the numbers of members (M,)."""
+        every = np.arange(len(self))
+        try:
+            found = every if index is None else np.atleast_1d(every[index])
+        except (IndexError, TypeError, ValueError):
+            found = None
+        if found is None or found.ndim != 1 or np.unique(found).size < found.size:
+            raise LinkworkError(
+                f"index {shown(index)} does not fit {len(self)} robots; give a number, a slice, "
+                "different numbers, or a mask"
+            )
+        return found
+
+    def _one(self, index: int) -> int:
+        found = self._which(index)
+        if found.size != 1:
+            raise LinkworkError(f"index {shown(index)} is none of one robot; give a number")
+        return int(found[0])
+
+
+def require_states(robot: Model, state: State, size: int) -> State:
+    """Return states, one or as many as are asked for; refuse others."""
+    if not isinstance(state, State):
+        checks.refuse_foreign(state, robot.coordinates, robot.charts)
+    if robot.own(state).batch not in ((), (size,)):
+        raise LinkworkError(
+            f"the states are a stack of the shape {state.batch}; give one, or {size}"
+        )
+    return state
