@@ -1,6 +1,7 @@
-"""`linkwork export`: C, what it says, what it refuses."""
+"""`linkwork export`: C and FMUs, what it says, what it refuses."""
 
 import json
+import zipfile
 
 import pytest
 from typer.testing import CliRunner
@@ -35,6 +36,19 @@ def test_what_is_left_out_is_said(tmp_path):
     assert "jacobian is left out: the mechanism names no tool" in result.stderr
 
 
+def test_an_fmu_is_written_to_a_file(tmp_path):
+    file = tmp_path / "own.fmu"
+    words = "--to", "fmu", "--platforms", "none", "--free", "gravity.y", "--outputs", "rates"
+    result = call("pendulum", file, *words, "--fmi", "2.0", "--json")
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.stdout)
+    assert told["platforms"] == [] and "parameter.gravity.y" in told["variables"]
+    with zipfile.ZipFile(file) as archive:
+        assert b'fmiVersion="2.0"' in archive.read("modelDescription.xml")
+    again = call("pendulum", file, *words)
+    assert again.exit_code == 2 and "--overwrite to replace it" in again.stderr
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
@@ -43,6 +57,8 @@ def test_what_is_left_out_is_said(tmp_path):
         ((), "name the mechanism file to write"),
         (("robot.yaml", "--functions", "motion"), "--functions is of C; give it with --to c"),
         (("--out", "there"), "--out is of C; give it with --to c"),
+        (("robot.yaml", "--to", "fmu"), "an FMU is written to a file"),
+        (("robot.yaml", "--outputs", "rates"), "--outputs is of FMUs; give it with --to fmu"),
         (("robot.txt",), "a mechanism file ends in .yaml"),
     ],
 )

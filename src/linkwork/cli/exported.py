@@ -1,4 +1,4 @@
-"""A robot written to be used elsewhere: as a mechanism file, or as C."""
+"""A robot written to be used elsewhere: as a mechanism file, as C, or as an FMU."""
 
 from __future__ import annotations
 
@@ -23,6 +23,9 @@ PLAIN = {
     "free": None,
     "name": None,
     "misra": False,
+    "fmi": "3.0",
+    "outputs": None,
+    "platforms": None,
 }
 """What the options of some targets are left out as."""
 
@@ -98,6 +101,33 @@ def export_c(asked: Export) -> None:
     tell_written(files, False)
 
 
+def export_fmu(asked: Export) -> None:
+    """Write a robot as an FMU, and say what was left out."""
+    from linkwork.export import fmu
+
+    chosen = asked.chosen
+    if asked.file is None or asked.file.suffix.lower() != ".fmu":
+        raise LinkworkError("an FMU is written to a file; name it behind the robot, FILE.fmu")
+    refuse_existing(asked.file, asked.overwrite)
+    robot = freed(asked)
+    platforms = [] if chosen["platforms"] == "none" else split(chosen["platforms"])
+    with patience("writing the FMU"):
+        written = fmu(
+            robot,
+            chosen["fmi"],
+            outputs=split(chosen["outputs"]),
+            platforms=platforms,
+            name=chosen["name"],
+        )
+        file = written.write(asked.file)
+    if asked.as_json:
+        told = {"platforms": written.platforms, "variables": written.variables}
+        show_json({"written": [file], **told, "notes": written.notes})
+        return
+    tell(written.notes)
+    tell_written([file], False)
+
+
 def freed(asked: Export) -> Robot:
     """Return the robot, with the numbers free that are asked to be."""
     robot, free = built(asked.source), split(asked.chosen["free"])
@@ -115,6 +145,9 @@ TARGETS: Mapping[str, ExportTarget] = {
         "C",
         frozenset({"out", "functions", "precision", "sines", "free", "name", "misra"}),
         export_c,
+    ),
+    "fmu": ExportTarget(
+        "FMUs", frozenset({"free", "name", "fmi", "outputs", "platforms"}), export_fmu
     ),
 }
 """What a robot can be written as, by its name on the command line."""

@@ -24,6 +24,12 @@ class ExportFormat(StrEnum):
 
     yaml = "yaml"
     c = "c"
+    fmu = "fmu"
+
+
+class FmiVersion(StrEnum):
+    three = "3.0"
+    two = "2.0"
 
 
 class Precision(StrEnum):
@@ -63,9 +69,11 @@ def export(
     robot: RobotName,
     file: Annotated[
         Path | None,
-        typer.Argument(metavar="FILE.yaml", help="The mechanism file to write, with --to yaml."),
+        typer.Argument(metavar="FILE", help="What to write: FILE.yaml, or FILE.fmu with --to fmu."),
     ] = None,
-    to: Annotated[ExportFormat, typer.Option(help="A mechanism file, or C99.")] = ExportFormat.yaml,
+    to: Annotated[
+        ExportFormat, typer.Option(help="A mechanism file, C99, or an FMU.")
+    ] = ExportFormat.yaml,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="C: the folder for its files.")
     ] = None,
@@ -79,15 +87,36 @@ def export(
     ] = Sines.polynomial,
     free: Annotated[
         str | None,
-        typer.Option(metavar="PATHS", help="C: numbers that stay free, 'platform.mass,gravity.z'."),
+        typer.Option(
+            metavar="PATHS", help="C, FMU: numbers that stay free, 'platform.mass,gravity.z'."
+        ),
     ] = None,
     name: Annotated[
         str | None,
-        typer.Option(help="C: what all names begin with; the robot's name if left out."),
+        typer.Option(
+            help="C: what all names begin with; FMU: its identifier; else the robot's name."
+        ),
     ] = None,
     misra: Annotated[
         bool, typer.Option("--misra", help="C: with a note on deviations from MISRA C:2012.")
     ] = False,
+    fmi: Annotated[FmiVersion, typer.Option(help="FMU: version of FMI.")] = FmiVersion.three,
+    outputs: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KINDS",
+            help="FMU: of positions,rates,accelerations,tool,twist,closure; "
+            "all but accelerations and twist if left out.",
+        ),
+    ] = None,
+    platforms: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="FMU: binaries for x86_64-linux,aarch64-linux,x86_64-windows, or none; all that a "
+            "compiler is found for if left out.",
+        ),
+    ] = None,
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
@@ -96,12 +125,14 @@ def export(
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Write a robot as a mechanism file, to be changed and used as ROBOT, or as C99 (--to c)."""
+    """Write a robot as a mechanism file, to be changed and used as ROBOT, as C99 (--to c)
+    or as a Functional Mock-up Unit (--to fmu)."""
     from linkwork.cli.exported import Export, export
 
     source = Source(robot, reference, floating, packages, merging, includes)
     chosen = {"out": out, "functions": functions, "precision": precision.value, "free": free}
     chosen |= {"sines": sines.value, "name": name, "misra": misra}
+    chosen |= {"fmi": fmi.value, "outputs": outputs, "platforms": platforms}
     export(to.value, Export(source, file, chosen, overwrite, json))
 
 

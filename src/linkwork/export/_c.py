@@ -3,7 +3,6 @@ them."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +10,9 @@ from typing import Literal
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
-from linkwork.export.calls import CALLS, OTHER_CHARTS, PROGRAMS, Call
+from linkwork.export.calls import CALLS, Call, needed_programs
 from linkwork.export.header import header_text
-from linkwork.export.identifiers import given_prefix, identifiers, prefix
+from linkwork.export.identifiers import given_prefix, identifiers, named, prefix
 from linkwork.export.layout import ArrayLayout, layouts
 from linkwork.export.packaging import package_files
 from linkwork.export.source import source_text
@@ -134,7 +133,7 @@ def written(
     notes: list[str] = []
     for each in FUNCTIONS if wanted is FUNCTIONS else with_start(wanted):
         try:
-            made = programs_of(robot, CALLS[each], free, programs)
+            made = needed_programs(robot, CALLS[each], free, programs)
         except LinkworkError as error:
             if functions is not None:
                 raise
@@ -163,17 +162,6 @@ def with_start(wanted: Sequence[str]) -> list[str]:
     return [each for each in FUNCTIONS if each in needed]
 
 
-def programs_of(
-    robot: Robot, call: Call, free: bool, known: Mapping[str, Program]
-) -> dict[str, Program]:
-    """Return the programs that a function needs and that are not known yet; refuse what the robot
-    cannot have. Other charts are there where there are loops."""
-    call.refuse(robot)
-    closed = robot.mobility < robot.equations.nv
-    needed = [each for each in call.needs if closed or each not in OTHER_CHARTS]
-    return {each: PROGRAMS[each].program(robot, free) for each in needed if each not in known}
-
-
 def mapped_names(arrays: Mapping[str, ArrayLayout]) -> list[str]:
     """Return sentences on names that are other ones in C but for their letters' case."""
     found = {
@@ -184,9 +172,3 @@ def mapped_names(arrays: Mapping[str, ArrayLayout]) -> list[str]:
         if place != name.upper() and place != name.upper().replace(".", "_")
     }
     return [f"{name!r} is {place} in C" for name, place in found.items()]
-
-
-def named(text: str, own: str) -> str:
-    """Return text with an export's own name in place of lw."""
-    text = text.replace("LW_FILE", own)
-    return re.sub(r"\blw_", f"{own}_", re.sub(r"\bLW_", f"{own.upper()}_", text))

@@ -215,6 +215,17 @@ CALLS: Mapping[str, Call] = {
 }
 
 
+def needed_programs(
+    robot: Robot, call: Call, free: bool, known: Mapping[str, Program]
+) -> dict[str, Program]:
+    """Return the programs that a function needs and that are not known yet; refuse what the robot
+    cannot have. Other charts are there where there are loops."""
+    call.refuse(robot)
+    closed = robot.mobility < robot.equations.nv
+    needed = [each for each in call.needs if closed or each not in OTHER_CHARTS]
+    return {each: PROGRAMS[each].program(robot, free) for each in needed if each not in known}
+
+
 def program_of(
     f: ca.Function, inputs: tuple[str, ...], outputs: tuple[str, ...], p: np.ndarray, free: bool
 ) -> Program:

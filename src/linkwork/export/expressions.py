@@ -173,14 +173,17 @@ def positions(robot: Robot) -> ca.Function:
 def pose(robot: Robot) -> ca.Function:
     """Return q -> coordinates of the tool's pose: x, y, angle in the plane, else x, y, z and the
     rotation vector; none without a tool."""
-    equations, found = robot.equations, SX(0, 1)
-    if robot.mechanism.tools:
-        tool = next(iter(robot.mechanism.tools.values()))
-        position, orientation, angle = body_motion.tool_pose(equations.tree, tool)
-        turned = rotation_vector(matrix_quaternion(ca.reshape(orientation, 3, 3).T))
-        planar = ca.vertcat(position[:2], angle)
-        found = planar if robot.planar else ca.vertcat(position, turned)
-    return functions.function("pose", equations, {"pose": found})
+    found = tool_coordinates(robot) if robot.mechanism.tools else SX(0, 1)
+    return functions.function("pose", robot.equations, {"pose": found})
+
+
+def tool_coordinates(robot: Robot) -> ca.SX:
+    """Return the coordinates of the pose of a robot's tool."""
+    tool = robot.mechanism.first_tool
+    position, orientation, angle = body_motion.tool_pose(robot.equations.tree, tool)
+    turned = rotation_vector(matrix_quaternion(ca.reshape(orientation, 3, 3).T))
+    planar = ca.vertcat(position[:2], angle)
+    return planar if robot.planar else ca.vertcat(position, turned)
 
 
 def rates(robot: Robot) -> ca.Function:

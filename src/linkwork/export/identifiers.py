@@ -59,3 +59,9 @@ def given_prefix(name: object) -> str:
         f"the name {name!r} cannot begin names of C; give letters, digits and single underscores, "
         "a letter first"
     )
+
+
+def named(text: str, own: str) -> str:
+    """Return text with an export's own name in place of lw."""
+    text = text.replace("LW_FILE", own)
+    return re.sub(r"\blw_", f"{own}_", re.sub(r"\bLW_", f"{own.upper()}_", text))

@@ -48,10 +48,11 @@ def source_text(
     programs: Mapping[str, Program],
     fields: Mapping[str, str],
     notes: Sequence[str],
+    more: str = "",
 ) -> str:
     """Return the source, with lw for the prefix.
 
-    programs: by name; fields: of the free numbers, by path
+    programs: by name; fields: of the free numbers, by path; more: C that follows
     """
     # The functions, what they share, and the programs.
     given = words(robot, bool(fields))
@@ -64,7 +65,7 @@ def source_text(
         functions_text(program, f"lw_{name}_code", dialect, [*fields.values()])
         for name, program in programs.items()
     ]
-    body = "\n".join([*written, *shared, *defined])
+    body = "\n".join([*written, *shared, *defined, more])
     # What they use of small functions, constants and tables.
     helpers = re.split(r"\n(?=static )", filled("helpers.c", dialect))
     small = used([*OWN, *helpers], body)

@@ -210,7 +210,7 @@ def figure(store: Store, found: Summary) -> Figure:
     controller."""
     from matplotlib.patches import Patch
 
-    from linkwork.views.parameter_units import unit_of_parameter
+    from linkwork.mechanism.parameter_units import unit_of_parameter
     from linkwork.views.style import COLOURS, new_figure, styled
 
     # Columns of what varies, rows of outputs, a colour for each controller.

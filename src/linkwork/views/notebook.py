@@ -13,11 +13,11 @@ from linkwork.analysis import Identification, Modes
 from linkwork.checks import amount
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
+from linkwork.mechanism.parameter_units import unit_of_parameter, with_unit
 from linkwork.robot import Ensemble, Motion, Robot, State
 from linkwork.simulation import Run, Status
 from linkwork.views.drawing import plot_mechanism
 from linkwork.views.pages import page, picture
-from linkwork.views.parameter_units import unit_of_parameter, with_unit
 from linkwork.views.plots import USUAL, plot_run
 from linkwork.views.style import label_time, look, new_figure, styled, svg
 

@@ -18,13 +18,13 @@ import numpy as np
 
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import GearJoint, Limits, Mechanism
+from linkwork.mechanism.parameter_units import with_unit
 from linkwork.robot import Robot, State
 from linkwork.runs.quantities import QUANTITIES, SavedQuantity
 from linkwork.simulation import Run
 from linkwork.views.film import Film, film
 from linkwork.views.motion import plot_motion, run_states
 from linkwork.views.pages import PageTable, Picture, page, picture, short
-from linkwork.views.parameter_units import with_unit
 from linkwork.views.plots import plot_run, units_of
 from linkwork.views.style import svg
 

@@ -12,8 +12,9 @@ static lw_status lw_slope(
         status = fabs(pivot[0]) > LW_WEAK ? LW_OK : LW_SINGULAR;
     }
 OTHERWISE    else {
+OTHERWISE        lw_real dw[LW_W];
 OTHERWISE        pivot[0] = 1;
-OTHERWISE        status = lw_other_slope(chart, y, u WITH_P, dy);
+OTHERWISE        status = lw_other_slope(chart, y, u WITH_P, dy, dw);
 OTHERWISE    }
     if (status == LW_OK && !lw_finite(dy, LW_Y)) {
         status = LW_NOT_FINITE;

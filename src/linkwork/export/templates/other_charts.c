@@ -137,12 +137,13 @@ static int lw_solve(lw_real M[LW_V][LW_V], lw_real *b)
     return 1;
 }
 
-/* y' in a chart that is not the own one: L' H L v' = L' (f - H b), w' = L v' + b. */
+/* y' and w' in a chart that is not the own one: L' H L v' = L' (f - H b), w' = L v' + b. */
 static lw_status lw_other_slope(
     const lw_chart *chart,
     const lw_real *y,
     const lw_real *u TAKING_P,
-    lw_real *dy)
+    lw_real *dy,
+    lw_real *dw)
 {
     lw_real phi[LW_PHI], Phi[LW_PHI * LW_W], gap[1], gamma[LW_PHI], A[LW_PHI][LW_W + 1];
     lw_real L[LW_W][LW_V], w[LW_W], H[LW_W * LW_W], f[LW_W], b[LW_W], M[LW_V][LW_V];
@@ -184,7 +185,14 @@ static lw_status lw_other_slope(
         }
         dy[LW_Q + k] = forces;
     }
-    return lw_solve(M, dy + LW_Q) ? LW_OK : LW_NOT_FINITE;
+    if (!lw_solve(M, dy + LW_Q)) {
+        return LW_NOT_FINITE;
+    }
+    lw_other_rates(L, dy + LW_Q, dw);
+    for (i = 0; i < LW_W; ++i) {
+        dw[i] += b[i];
+    }
+    return LW_OK;
 }
 
 /* Close the loops as lw_settle does, with the chart's independent coordinates as they are. */

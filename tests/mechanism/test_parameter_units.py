@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.mechanism.parameter_units import unit_of_parameter
 from linkwork.views import write_report
-from linkwork.views.parameter_units import unit_of_parameter
 
 from tests.catalogue import built
 

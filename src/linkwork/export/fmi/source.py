@@ -1,0 +1,108 @@
+"""The sources of an FMU: the robot's equations as exported C with the model that stands on them, an
+instance of it, and the functions of the standard."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from linkwork.errors import LinkworkError
+from linkwork.export.calls import CALLS, Call, needed_programs
+from linkwork.export.fmi.programs import programs
+from linkwork.export.fmi.variables import FmuVariables
+from linkwork.export.header import STATUS, header_text, safe
+from linkwork.export.identifiers import identifiers
+from linkwork.export.layout import layouts
+from linkwork.export.source import listed, source_text, words
+from linkwork.export.statements import Dialect
+from linkwork.export.templates import filled
+from linkwork.kernels.program import Program
+from linkwork.robot import Robot
+
+DIALECT = Dialect()
+TOKEN = "INSTANTIATION_TOKEN"
+FIXED = ("LW_FILE_model.h", "LW_FILE_instance.h", "LW_FILE_instance.c")
+
+
+@dataclass(frozen=True)
+class Abilities:
+    """Tell what the functions are that an FMU stands on, with their programs, and how a motion may
+    begin.
+
+    by_tree: from all coordinates of the tree, where the independent rates have no coordinates of
+    their own, else from the independent ones; by_tool: from the tool's coordinates, too; notes:
+    why not
+    """
+
+    by_tree: bool
+    by_tool: bool
+    calls: tuple[Call, ...]
+    programs: dict[str, Program]
+    notes: tuple[str, ...]
+
+
+def abilities(robot: Robot) -> Abilities:
+    """Return what an FMU of a robot can do; refuse what cannot move over time."""
+    if not robot.mobility:
+        raise LinkworkError(
+            f"{robot.mechanism.name} has no freedom to move, so that there is nothing to simulate"
+        )
+    found: dict[str, Program] = {}
+    calls, notes = [], []
+    for name in ("kinematics", "tool_to_joints", "project", "start", "step"):
+        try:
+            found |= needed_programs(robot, CALLS[name], bool(robot.parameters), found)
+        except LinkworkError as error:
+            if name not in ("kinematics", "tool_to_joints"):
+                raise
+            if name == "tool_to_joints":
+                notes.append(f"no motion begins at a pose of the tool: {error}")
+            continue
+        calls.append(CALLS[name])
+    names = {call.name for call in calls}
+    return Abilities(
+        "kinematics" not in names, "tool_to_joints" in names, tuple(calls), found, tuple(notes)
+    )
+
+
+def sources(
+    robot: Robot, version: str, known: FmuVariables, can: Abilities, kinds: Sequence[str]
+) -> dict[str, str]:
+    """Return the sources by their names, with lw for the prefix; the token stands for itself.
+
+    kinds: of outputs
+    """
+    free, closed = bool(robot.parameters), robot.mobility < robot.equations.nv
+    arrays, fields = layouts(robot), identifiers(robot.parameters)
+    own = {name: part.program(robot, free) for name, part in programs(robot, kinds).items()}
+    numbers = [each for each in known.all if each.role != "switch"]
+    given = words(robot, free) | {
+        "WITHFREE": "" if free else "//",
+        "BYTOOL": "" if can.by_tool else "//",
+        "BYJOINTS": "//" if can.by_tree else "",
+        "BYTREE": "" if can.by_tree else "//",
+        "PLACES": places(known),
+        "START_VALUES": listed([each.start or 0.0 for each in numbers], DIALECT),
+        "MEANINGS": ",\n".join(f'        "{says}"' for _, says in STATUS),
+        "NAMES": ",\n".join(f'    "{safe(each.name)}"' for each in numbers),
+    }
+    pieces = ["fmu_opening.c", *["fmu_given.c"] * free, *["fmu_other_charts.c"] * closed]
+    model = "\n".join(filled(piece, DIALECT, given) for piece in (*pieces, "fmu_model.c"))
+    equations = source_text(
+        robot, DIALECT, arrays, can.calls, can.programs | own, fields, (), model
+    )
+    header = header_text(robot, arrays, can.calls, fields, (), DIALECT.precision)
+    standard = f"fmi{version[0]}"
+    fixed = {name: name.replace("LW_FILE", "fmu") for name in FIXED}
+    fixed |= {name: name for name in (f"{standard}.h", f"{standard}.c")}
+    found = {name: filled(piece, DIALECT, given) for name, piece in fixed.items()}
+    return {"LW_FILE.h": header, "LW_FILE.c": equations, **found}
+
+
+def places(known: FmuVariables) -> str:
+    """Return where the groups of values begin, and how many numbers those have that only an FMU
+    has."""
+    lines = [f"    LW_AT_{group} = {place}" for group, place in known.places.items()]
+    lines += [f"    LW_{group} = {known.counts[group]}" for group in ("TOLD", "APART")]
+    total = sum(known.counts.values())
+    return ",\n".join([*lines, f"    LW_VALUES = {total}", f"    LW_AT_START_AT_TOOL = {total}"])

@@ -1,0 +1,235 @@
+"""The variables of an FMU: what each number is, its name, its unit, its start value and its place
+among the values of the model, which is its value reference.
+
+Names are structured: "joint.slide_1", "der(q.slide_1)"; parts that are no names of C stand in
+quotes, and what quotes cannot hold is mapped.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from linkwork import checks
+from linkwork.errors import LinkworkError
+from linkwork.export.identifiers import identifier
+from linkwork.export.layout import ArrayLayout, layouts
+from linkwork.mechanism.joints import TURN
+from linkwork.mechanism.limits import meeting_name
+from linkwork.mechanism.parameter_units import unit_of_parameter
+from linkwork.model.checks import names
+from linkwork.model.task import task_of, values
+from linkwork.robot import Robot
+
+KINDS: Mapping[str, str] = {
+    "positions": "coordinates of all joints",
+    "rates": "rates of all joints",
+    "accelerations": "accelerations of all joints",
+    "tool": "pose of the tool",
+    "twist": "twist of the tool: angular velocity, then velocity of its origin, in ground's axes",
+    "apart": "how far what may meet is apart, negative where it presses",
+    "closure": "largest gap of the loops, lengths over the mechanism's own",
+}
+"""What an FMU tells: "apart" is no output to ask for, but what events are found by."""
+OFFERED = tuple(kind for kind in KINDS if kind != "apart")
+USUAL = ("positions", "rates", "tool", "closure")
+DIRECT = ("accelerations",)
+"""What depends on the inputs at the same time."""
+CONTACT = meeting_name("").removeprefix(": ")
+QUOTED = re.compile(r"[A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]+")
+
+
+@dataclass(frozen=True)
+class FmuVariable:
+    """Describe a variable.
+
+    role: "time", "input", "parameter" (a free number), "start", "switch", "state", "derivative",
+        "output"; of: the state whose derivative it is; start: where it has one
+    direct: whether it depends on the inputs at the same time; kind: of an output
+    """
+
+    name: str
+    role: str
+    unit: str
+    about: str
+    start: float | None = None
+    of: str | None = None
+    direct: bool = False
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class FmuVariables:
+    """Hold the variables in the order of their value references, and where each group begins.
+
+    places: first references by the group's name in C; counts: numbers of groups
+    """
+
+    all: tuple[FmuVariable, ...]
+    places: Mapping[str, int]
+    counts: Mapping[str, int]
+    notes: tuple[str, ...]
+
+    def of(self, role: str) -> list[tuple[int, FmuVariable]]:
+        """Return references and variables of a role."""
+        return [(k, each) for k, each in enumerate(self.all) if each.role == role]
+
+
+def variables(robot: Robot, kinds: Sequence[str], by_tree: bool, by_tool: bool) -> FmuVariables:
+    """Return the variables of a robot.
+
+    by_tree: whether it starts from all coordinates of the tree, else from the independent ones;
+    by_tool: whether it can start from the tool's coordinates, too
+    """
+    arrays, own = layouts(robot), StructuredNames()
+    tree, home = robot.equations.tree, robot.home
+    at = dict(zip(tree.coordinates, home.q.tolist(), strict=True))
+    groups: dict[str, list[FmuVariable]] = {"TIME": [FmuVariable("time", "time", "s", "time")]}
+
+    def group(place: str, role: str, said: str, layout: ArrayLayout, **more: object) -> None:
+        groups[place] = [
+            FmuVariable(own.name(said, name), role, unit, f"{layout.about}: {name}", **more)  # pyright: ignore[reportArgumentType]
+            for name, unit in layout.numbers
+        ]
+
+    # What is given: forces, free numbers, and where a motion begins.
+    group("U", "input", "force", arrays["U"], start=0.0)
+    groups["P"] = [
+        FmuVariable(
+            own.name("parameter", path),
+            "parameter",
+            unit_of_parameter(robot.mechanism, path),
+            f"free number of the description: {path}",
+            value,
+        )
+        for path, value in robot.parameters.items()
+    ]
+    begin = arrays["Q" if by_tree else "A"]
+    groups["START"] = [
+        FmuVariable(own.name("start", name), "start", unit, f"at the start: {name}", at[name])
+        for name, unit in begin.numbers
+    ]
+    group("START_RATES", "start", "start_rate", arrays["V"], start=0.0)
+    groups["START_TOOL"] = []
+    if by_tool:
+        there = values(robot, home.q, task_of(robot)).tolist()
+        groups["START_TOOL"] = [
+            FmuVariable(
+                own.name("start_tool", name), "start", unit, f"tool at the start: {name}", x
+            )
+            for (name, unit), x in zip(arrays["X"].numbers, there, strict=True)
+        ]
+    # The states, their derivatives, and what is told.
+    for symbol, place in (("q", "Q"), ("w", "W")):
+        group(place, "state", symbol, arrays[place])
+    for place in ("Q", "W"):
+        groups[f"D{place}"] = [
+            FmuVariable(
+                f"der({state.name})",
+                "derivative",
+                per_second(state.unit),
+                f"derivative of {state.name}",
+                of=state.name,
+                direct=place == "W",
+            )
+            for state in groups[place]
+        ]
+    everything = list(told(robot, arrays, own, [kind for kind in kinds if kind != "closure"]))
+    groups["TOLD"] = [each for each in everything if each.kind != "apart"]
+    groups["APART"] = [replace(each, role="local") for each in everything if each.kind == "apart"]
+    role = "output" if "closure" in kinds else "local"
+    groups["GAP"] = [FmuVariable("closure_error", role, "1", KINDS["closure"], kind="closure")]
+    # Their places.
+    places, count = {}, 0
+    for place, found in groups.items():
+        places[place] = count
+        count += len(found)
+    everything = [each for found in groups.values() for each in found]
+    if by_tool:
+        about = "whether a motion begins at start_tool instead of start"
+        everything.append(FmuVariable("start_at_tool", "switch", "", about))
+    counts = {place: len(found) for place, found in groups.items()}
+    return FmuVariables(tuple(everything), places, counts, tuple(own.notes))
+
+
+def told(
+    robot: Robot, arrays: Mapping[str, ArrayLayout], own: StructuredNames, kinds: Sequence[str]
+) -> Iterable[FmuVariable]:
+    """Yield what is told, kind after kind."""
+    rates = [(name, f"{robot.unit(name)}/s") for name in robot.mechanism.rates]
+    twist = [(f"omega_{axis}", "rad/s") for axis in "xyz"] + [(f"v_{a}", "m/s") for a in "xyz"]
+    found = {
+        "positions": ("joint", arrays["JOINTS"].numbers),
+        "rates": ("rate", rates),
+        "accelerations": ("acceleration", [(name, per_second(unit)) for name, unit in rates]),
+        "tool": ("tool", arrays["POSE"].numbers),
+        "twist": ("twist", twist),
+        "apart": ("apart", [(name, gap_unit(robot, name)) for name in robot.equations.gaps]),
+    }
+    for kind in kinds:
+        said, numbers = found[kind]
+        for name, unit in numbers:
+            about = f"{KINDS[kind]}: {name}"
+            yield FmuVariable(
+                own.name(said, name), "output", unit, about, direct=kind in DIRECT, kind=kind
+            )
+
+
+def gap_unit(robot: Robot, name: str) -> str:
+    """Return the unit of how far what may meet is apart: of a stop that of its coordinate."""
+    of, _, met = name.rpartition(": ")
+    if met == CONTACT:
+        return "m"
+    return "rad" if of.endswith(f".{TURN}") else robot.unit(of)
+
+
+def kinds_of(robot: Robot, asked: Sequence[str] | None) -> tuple[str, ...]:
+    """Return the kinds of outputs that are wanted, in the order of `KINDS`; refuse what the robot
+    cannot tell."""
+    chosen = USUAL if asked is None else names(asked, "outputs")
+    checks.known(chosen, OFFERED, "output of an FMU")
+    wanted = [kind for kind in KINDS if kind in chosen or kind == "apart"]
+    if not robot.mechanism.tools:
+        lacking = [kind for kind in wanted if kind in ("tool", "twist")]
+        if asked is not None and lacking:
+            raise LinkworkError(
+                f"the output {lacking[0]!r} needs a tool, and {robot.mechanism.name} has none; "
+                "leave it out of the outputs, or describe a tool"
+            )
+        wanted = [kind for kind in wanted if kind not in lacking]
+    return tuple(wanted)
+
+
+def per_second(unit: str) -> str:
+    """Return the unit of a derivative."""
+    return {"m": "m/s", "rad": "rad/s", "1": "1/s", "m/s": "m/s2", "rad/s": "rad/s2"}[unit]
+
+
+class StructuredNames:
+    """Make structured names, each once."""
+
+    def __init__(self) -> None:
+        self.taken: set[str] = set()
+        self.notes: list[str] = []
+
+    def name(self, group: str, name: str) -> str:
+        """Return the name of a variable of a group, by its name in the description."""
+        wanted = f"{group}.{'.'.join(map(quoted, name.split('.')))}"
+        wanted = re.sub(r"\.'(\d+)'", r"[\1]", wanted)
+        unique, count = wanted, 1
+        while unique in self.taken:
+            count += 1
+            unique = f"{wanted}_{count}"
+        self.taken.add(unique)
+        plain = unique.replace("'", "")
+        if plain not in (f"{group}.{name}", re.sub(r"\.(\d+)", r"[\1]", f"{group}.{name}")):
+            self.notes.append(f"{name!r} is {unique}")
+        return unique
+
+
+def quoted(part: str) -> str:
+    """Return a part of a name: as it is, in quotes, or mapped to what names can hold."""
+    if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", part):
+        return part
+    return f"'{part}'" if QUOTED.fullmatch(part) else identifier(part)
