@@ -41,7 +41,7 @@ WINGS = {
     "stops, contact, sticking": ("contact", "elastic", "impact", "sticking", "surfaces"),
     "large mechanisms": (
         *("articulated", "uncharted", "bound", "unit_directions", "partitioned", "tabled"),
-        *("abreast", "called", "repeats"),
+        *("abreast", "called", "partitioned_slopes", "repeats"),
     ),
     "transmissions": ("cables", "transmissions"),
     "charts met before": ("chart_margins", "known_charts"),

@@ -322,3 +322,54 @@ def test_what_is_bound_has_a_function_of_its_own_as_long_as_it_lives():
     np.testing.assert_array_equal(
         other.flat(q), robot.chart.kernel("closure_step").flat(q, robot.p)
     )
+
+
+SLOPED = {name: (*CASES[name], False) for name in list(CASES)[:4]} | {
+    f"{name}, acted": (*ACTED[name], True) for name in ("free numbers", "bristles")
+}
+
+
+@pytest.mark.parametrize("case", SLOPED)
+def test_jacobians_are_those_of_the_chart_s_own_kernels(case):
+    """df/dy and df/dr at states that are a little open; quaternions off their length, too."""
+    make, free, acted = SLOPED[case]
+    robot = lw.Robot(make(), free=free)
+    rng, q, body = np.random.default_rng(5), robot.home.q, robot.bodies[-1]
+    forces, drives, wrenches = None, None, ()
+    if acted:
+        forces, drives = pushed, {robot.actuators[0]: Lag(0.05)}
+        wrenches = [Wrench(body, force=lambda t, state: [state.rate(robot.rates[0]), 1, t])]
+    runs = system(robot, forces, drives, wrenches, (), {}, (0.0, 1.0), joined=True)
+    for chart in (robot.chart, robot.chart.better(q, ())):
+        tangent, found = runs.kernel(chart, "tangent"), runs.slopes(chart)
+        *sizes, directions = (size for _, size in tangent.inputs)
+        p = runs.p(chart)
+        more = rng.normal(size=sum(sizes) - q.size - p.size)
+        state = q + 1e-3 * rng.normal(size=q.size), more, p
+        expected = tangent(
+            *np.split(np.concatenate(state), np.cumsum(sizes)[:-1]), np.eye(directions)
+        )
+        scale = np.abs(expected[0]).max()
+        np.testing.assert_allclose(
+            found.flat(*state).reshape(expected[0].shape),
+            expected[0],
+            rtol=1e-9,
+            atol=1e-11 * scale,
+        )
+
+
+def test_stiff_runs_by_tables_are_those_of_compiled_charts(monkeypatch):
+    """From chart to chart, and no kernel is made for any of them."""
+    found = []
+    for large in (10**9, 0):
+        monkeypatch.setattr(charts, "LARGE", large)
+        robot = lw.Robot(lw.robots.rrr3())
+        start = robot.home.with_rates([4.0, -3.0, 2.0])
+        run = robot.simulate(
+            start, pushed, duration=0.5, rtol=1e-9, atol=1e-11, save_at=[0.25, 0.5], method="rodas"
+        )
+        assert run.success and len(robot.run_charts) > 1
+        others = [chart for chart in robot.run_charts.values() if chart.home is not None]
+        assert any(chart._kernels for chart in others) == (large > 0)
+        found.append(run["joint_position"].values)
+    np.testing.assert_allclose(*found, atol=1e-8)

@@ -146,6 +146,23 @@ class Joined:
         more = {"extra_rates": self.outputs["extra_rates"], "defined": self.defined}
         return self._function("balance", outputs | more)
 
+    def slopes(self) -> ca.Function:
+        """Return (q, w, z, r, p, a, l, d) -> the derivative of q', of what `uncharted.unbalanced`
+        gives at a and l, and of z', along a direction d of (q, w, z, r); as `balance`."""
+        *state, p = self.inputs.values()
+        a, multipliers = (
+            ca.SX.sym(name, size)
+            for name, size in (("a", self.equations.nv), ("l", len(self.equations.rows.names)))
+        )
+        found = uncharted.unbalanced(self.equations, self.applied, a, multipliers)
+        parts = found["derivatives"], found["forces"], self.outputs["extra_rates"], found["gamma"]
+        given = ca.vertcat(*state)
+        d = ca.SX.sym("d", given.numel())
+        along = ca.densify(ca.jtimes(ca.densify(ca.vertcat(*parts)), given, d))
+        names = [*self.inputs, "a", "l", DIRECTION]
+        given = [*state, p, a, multipliers, d]
+        return ca.Function("slopes", given, [along], names, ["along"], {"cse": True})
+
     def jacobian(self) -> ca.Function:
         """Return (q, v, z, r, p) -> df/dy and df/dr, column by column."""
         q, v, z, r, _ = self.inputs.values()

@@ -45,6 +45,34 @@ def bias(equations: Equations) -> ca.Function:
     return function("bias", equations, {"gamma": gamma}, w=w)
 
 
+def turning(equations: Equations) -> ca.Function:
+    """Return (q, w) -> d(Phi w)/dq (rows x nq)."""
+    w = SX.sym("w", equations.nv)
+    turned = ca.jacobian(ca.mtimes(equations.rows.Phi, w), equations.tree.q)
+    return function("turning", equations, {"turned": turned}, w=w)
+
+
+def unbalanced(free: Equations, applied: ca.SX, a: ca.SX, multipliers: ca.SX) -> dict[str, ca.SX]:
+    """Return q' (nq), H a + h - f - applied - Phi' l (nv), and Phi a + gamma (rows), of equations
+    in which every rate of the tree counts as independent, at any a and l.
+
+    By the recursion of Newton and Euler; by H itself where there are quaternions, for in
+    derivatives along their lengths, from which steps of integrators are never quite free, the two
+    differ.
+    """
+    Phi, found = free.rows.Phi, balance(free, applied)
+    forces = (
+        ca.mtimes(found["H"], a) - found["forces"]
+        if free.tree.quaternions
+        else free.tree_forces(a, free.gravity) - applied
+    )
+    return {
+        "derivatives": found["derivatives"],
+        "forces": forces - ca.mtimes(Phi.T, multipliers),
+        "gamma": ca.mtimes(Phi, a) + found["gamma"],
+    }
+
+
 def balance(free: Equations, applied: ca.SX) -> dict[str, ca.SX]:
     """Return q' (nq), H (nv x nv), the applied forces + f - h (nv), and gamma (rows) of equations
     in which every rate of the tree counts as independent."""

@@ -31,7 +31,7 @@ from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.kernels.bound import BoundFunction
 from linkwork.model.derivations import kept
-from linkwork.model.tabled import tabled
+from linkwork.model.tabled import jacobian, tabled
 
 KERNELS = (
     "motion",
@@ -130,8 +130,24 @@ class CompiledChart:
     @cached_property
     def by_table(self) -> Callable[..., BoundFunction]:
         """Return `tabled` functions of this chart, by name, what acts, and for how many states."""
-        shared = self.home or self
-        return lru_cache(maxsize=None)(partial(tabled, shared.compiled, self.equations))
+        return lru_cache(maxsize=None)(partial(tabled, self.shared.compiled, self.equations))
+
+    @cached_property
+    def slopes_by_table(self) -> Callable[[Kernel, Kernel], BoundFunction]:
+        """Return `tabled.jacobian` of this chart, by the two kernels of what acts."""
+        return lru_cache(maxsize=None)(partial(jacobian, self.shared.compiled, self.equations))
+
+    @property
+    def sloped(self) -> bool:
+        """Whether the Jacobian of runs is told by a table: that of a large mechanism, at home only
+        where no quaternions make the code that all charts share longer than the chart's own."""
+        unmet = self.home is None and bool(self.equations.tree.quaternions)
+        return self.shared.large and not unmet
+
+    @property
+    def shared(self) -> CompiledChart:
+        """The chart that keeps what all charts share."""
+        return self.home or self
 
     @cached_property
     def free(self) -> CompiledChart:

@@ -8,7 +8,7 @@ rates and the order of elimination to the code that all charts of all mechanisms
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import casadi as ca
 import numpy as np
@@ -50,16 +50,8 @@ def tabled(
     elif name in BESIDE:
         kernels.append(compiled(f"uncharted {name}", BESIDE[name]))
     found = [kernel.wide_address if wide else kernel.address for kernel in kernels]
-    addresses = [*found, 0][: partitioned.ADDRESSES]
+    table = table_of(equations, acting, found)
     told = sizes(equations, acting)
-    table = np.array(
-        [
-            *told,
-            *addresses,
-            *elimination(equations.chart, equations.rows.pattern),
-        ],
-        float,
-    )
     nq, nv, n, _, _, inputs, parameters, _, states, own = told
     given = nq + n + inputs + parameters + own
     shapes = {
@@ -70,6 +62,38 @@ def tabled(
         "seen": (given, kernels[-1].n_out),
     }
     return BoundFunction(partitioned.entry(name, wide), table, *shapes[name], *kernels)
+
+
+def jacobian(
+    compiled: Compiled, equations: Equations, balance: Kernel, slopes: Kernel
+) -> BoundFunction:
+    """Return df/dy and df/dr of equations in a chart with what acts, for one state.
+
+    balance, slopes: those of `Joined`, in the rates of the whole tree
+    """
+    from linkwork.simulation import partitioned_slopes
+
+    kernels = [
+        compiled("uncharted closure", uncharted.closure),
+        balance,
+        compiled("uncharted turning", uncharted.turning),
+        slopes,
+    ]
+    *alone, abreast = kernels
+    addresses = [*(kernel.address for kernel in alone), abreast.wide_address]
+    nq, _, n, _, _, inputs, parameters, _, states, own = sizes(equations, balance)
+    shape = nq + n + inputs + parameters + own, (nq + n + states) * (nq + n + inputs)
+    table = table_of(equations, balance, addresses)
+    return BoundFunction(partitioned_slopes.entry(), table, *shape, *kernels)
+
+
+def table_of(equations: Equations, acting: Kernel | None, addresses: Sequence[int]) -> np.ndarray:
+    """Return the numbers of a table (`simulation.partitioned`)."""
+    from linkwork.simulation import partitioned
+
+    places = [*addresses, *[0] * partitioned.ADDRESSES][: partitioned.ADDRESSES]
+    order = elimination(equations.chart, equations.rows.pattern)
+    return np.array([*sizes(equations, acting), *places, *order], float)
 
 
 def sizes(equations: Equations, acting: Kernel | None = None) -> tuple[int, ...]:

@@ -161,8 +161,15 @@ class System:
         """Return the address of void(const double *in, double *out): y' and the pivot."""
         return self.single(chart, "motion").address
 
+    def slopes(self, chart: CompiledChart) -> BoundFunction:
+        """Return df/dy and df/dr by a table, from derivatives that all charts share."""
+        balance, slopes = (self.kernel(chart.free, name) for name in ("balance", "slopes"))
+        return chart.slopes_by_table(balance, slopes)
+
     def jacobian(self, chart: CompiledChart) -> int:
         """Return the address of void(const double *in, double *out): df/dy and df/dr by columns."""
+        if chart.sloped and not (self.acting and self.acting.charted):
+            return self.slopes(chart).address
         kernel = self.kernel(chart, "derivative")
         directed, _ = kernel.inputs[-1]
         return kernel.columns_address if directed == DIRECTION else kernel.address

@@ -93,6 +93,16 @@ def _over(context, builder, signature, values):
     return builder.fdiv(values[0], _spread(builder, values[1]))
 
 
+@taught(operator.itruediv, VECTOR, VECTOR, types.float64)
+def _over_in_place(context, builder, signature, values):
+    return _over(context, builder, signature, values)
+
+
+@taught(operator.mul, VECTOR, types.float64, VECTOR)
+def _times(context, builder, signature, values):
+    return builder.fmul(_spread(builder, values[0]), values[1], flags=FLAGS)
+
+
 @taught(operator.truediv, VECTOR, types.float64, VECTOR)
 def _of_number(context, builder, signature, values):
     return builder.fdiv(_spread(builder, values[0]), values[1])
@@ -128,6 +138,15 @@ def _within(typing_context, array, like):
     return like(array, like), generate
 
 
+def _beside(typing_context, numbers):
+    """Return the numbers behind a `Pointer`, of which the first is aligned, as `Rows`."""
+
+    def generate(context, builder, signature, values):
+        return builder.bitcast(values[0], _NUMBERS.as_pointer())
+
+    return ROWS(numbers), generate
+
+
 def _evaluate(typing_context, address, x, out):
     """Call the C function void(const double *x, double *out) at an address, that of one state or
     that of states side by side."""
@@ -142,6 +161,7 @@ def _evaluate(typing_context, address, x, out):
 
 differs: Callable[..., Any] = intrinsic(_differs)
 within: Callable[..., Any] = intrinsic(_within)
+beside: Callable[..., Any] = intrinsic(_beside)
 evaluate: Callable[..., None] = intrinsic(_evaluate)
 
 

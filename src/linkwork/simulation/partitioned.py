@@ -11,7 +11,7 @@ same but for rounding. The same source is compiled for one state and for states 
 
 The table holds, as doubles: the sizes nq, nv, n, d (dependent rates), rows, inputs, parameters,
 blocks, and of what acts the states z, which are the first of the inputs, and parameters of its own;
-the addresses of two kernels, of one state or of states side by side (`equations.uncharted`):
+the addresses of kernels, of one state or of states side by side (`equations.uncharted`):
 closure, and what an entry asks beside: forces of motion, moved of closure_step, bias of
 tree_motion, of seen any function of (q, w, inputs, parameters); the independent rates (n); the
 dependent ones and the kept rows (d each) in the order of elimination; and for each block of it how
@@ -20,10 +20,13 @@ many they are, the scale of its determinant, and whether that varies.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 from numba import cfunc, njit, types
 
+from linkwork.patience import announced
 from linkwork.simulation.abreast import (
     ROWS,
     bounded,
@@ -38,7 +41,7 @@ from linkwork.simulation.compiled import ARITHMETIC
 from linkwork.simulation.pointers import POINTER
 
 HIDDEN = 1e-13  # part of a product that rounding hides
-SIZES, ADDRESSES = 10, 2
+SIZES, ADDRESSES = 10, 4
 INVERSE = 9  # numbers of the largest block's inverse
 
 ONE, WIDE = types.void(POINTER, POINTER, POINTER), types.void(ROWS, ROWS, POINTER)
@@ -164,9 +167,9 @@ def whole(t, W, v, w):
 
 
 @njit(**ARITHMETIC)
-def solved_positive(M, n, b):
-    """Replace b by the solution of M x = b for a symmetric positive M (n x n), by M = L D L'; not
-    finite where M is singular but for rounding."""
+def decomposed(M, n):
+    """Replace the diagonal and the lower triangle of a symmetric positive M (n x n) by D and L of
+    M = L D L'; return how much of M is lost in rounding, below HIDDEN**-2 where it is regular."""
     lost = zero(M)
     for j in range(n):
         largest = M[j * n + j]
@@ -179,6 +182,12 @@ def solved_positive(M, n, b):
             for i in range(j):
                 M[j * n + k] -= M[i * n + k] * M[j * n + i]
             M[k * n + j] = M[j * n + k] * inverse
+    return lost
+
+
+@njit(**ARITHMETIC)
+def solved(M, n, b):
+    """Replace b by the solution of M x = b, of which M holds D and L."""
     for j in range(n):
         for i in range(j):
             b[j] -= M[j * n + i] * b[i]
@@ -187,6 +196,14 @@ def solved_positive(M, n, b):
     for j in range(n - 1, -1, -1):
         for k in range(j + 1, n):
             b[j] -= M[k * n + j] * b[k]
+
+
+@njit(**ARITHMETIC)
+def solved_positive(M, n, b):
+    """Replace b by the solution of M x = b for a symmetric positive M (n x n); not finite where M
+    is singular but for rounding."""
+    lost = decomposed(M, n)
+    solved(M, n, b)
     b[0] = bounded(lost, HIDDEN**-2, b[0])
 
 
@@ -221,35 +238,13 @@ def biased(t, W, gamma, b):
             b[i] -= W[i * width + d + n + j] * gamma[int(kept[j])]
 
 
-def motion(x, out, t):
-    """Compute (q, v, z, r, p) -> q', v', z' and the weakest relative pivot; without what acts z are
-    no numbers, and r are the forces u."""
-    nq, nv, n, d, rows, inputs, parameters, _ = sized(t)
-    states, own = acts(t)
+@njit(**ARITHMETIC)
+def reduced(t, W, H, HL, M):
+    """Fill HL (d x n) with H_dd L_d + H_da, and the upper triangle of M (n x n) with
+    H_aa + H_ad L_d + L_d' (H_dd L_d + H_da)."""
+    _, nv, n, d, _, _, _, _ = sized(t)
     independent = t + (SIZES + ADDRESSES)
     columns, width = independent + n, n + 2 * d
-    given = nq + nv + inputs + parameters + own
-    found = nq + nv * nv + nv + rows + states + 1
-    size = d * width + given + found + rows * (nv + 1) + 1 + 2 * d * n + n * n + 2 * d
-    kept_alive = room(size, x)
-    W = within(kept_alive, x)
-    work = W + d * width
-    # Forces on the tree's rates, z', and 1 where all of it is defined.
-    pivot, terms = in_tree(t, x, W, work), work + given
-    evaluate(int(t[SIZES + 1]), work, terms)
-    H, forces = terms + nq, terms + (nq + nv * nv)
-    gamma, b = forces + nv, terms + found
-    HL, M, rates = b + d, b + (d + d * n), forces + (nv + rows)
-    for i in range(states):
-        out[nq + n + i] = rates[i]
-    out[nq + n + states] = pivot * rates[states]
-    # Forces less H b.
-    biased(t, W, gamma, b)
-    for j in range(d):
-        column = int(columns[j])
-        for i in range(nv):
-            forces[i] -= H[column * nv + i] * b[j]
-    # H_dd L_d + H_da, and M = H_aa + H_ad L_d + L_d' (H_dd L_d + H_da).
     for i in range(d):
         row = int(columns[i])
         for j in range(n):
@@ -267,15 +262,52 @@ def motion(x, out, t):
             factor, coupled = H[int(columns[k]) * nv + row], W[k * width + d + i]
             for j in range(i, n):
                 M[i * n + j] += factor * W[k * width + d + j] + coupled * HL[k * n + j]
-    # v'.
-    result = out + nq
-    for i in range(nq):
-        out[i] = terms[i]
+
+
+@njit(**ARITHMETIC)
+def accelerated(t, W, H, forces, b, result):
+    """Take H b from the forces (nv), and fill the result (n) with L' (forces - H b)."""
+    _, nv, n, d, _, _, _, _ = sized(t)
+    independent = t + (SIZES + ADDRESSES)
+    columns, width = independent + n, n + 2 * d
+    for j in range(d):
+        column = int(columns[j])
+        for i in range(nv):
+            forces[i] -= H[column * nv + i] * b[j]
     for i in range(n):
         result[i] = forces[int(independent[i])]
         for k in range(d):
             result[i] += W[k * width + d + i] * forces[int(columns[k])]
-    solved_positive(M, n, result)
+
+
+def motion(x, out, t):
+    """Compute (q, v, z, r, p) -> q', v', z' and the weakest relative pivot; without what acts z are
+    no numbers, and r are the forces u."""
+    nq, nv, n, d, rows, inputs, parameters, _ = sized(t)
+    states, own = acts(t)
+    width = n + 2 * d
+    given = nq + nv + inputs + parameters + own
+    found = nq + nv * nv + nv + rows + states + 1
+    size = d * width + given + found + rows * (nv + 1) + 1 + 2 * d * n + n * n + 2 * d
+    kept_alive = room(size, x)
+    W = within(kept_alive, x)
+    work = W + d * width
+    # Forces on the tree's rates, z', and 1 where all of it is defined.
+    pivot, terms = in_tree(t, x, W, work), work + given
+    evaluate(int(t[SIZES + 1]), work, terms)
+    H, forces = terms + nq, terms + (nq + nv * nv)
+    gamma, b = forces + nv, terms + found
+    HL, M, rates = b + d, b + (d + d * n), forces + (nv + rows)
+    for i in range(nq):
+        out[i] = terms[i]
+    for i in range(states):
+        out[nq + n + i] = rates[i]
+    out[nq + n + states] = pivot * rates[states]
+    # v'.
+    biased(t, W, gamma, b)
+    reduced(t, W, H, HL, M)
+    accelerated(t, W, H, forces, b, out + nq)
+    solved_positive(M, n, out + nq)
     kept_alive[0] = 0  # its memory lives to here
 
 
@@ -360,13 +392,18 @@ ENTRIES = {each.__name__: each for each in (motion, closure_step, tree_rates, tr
 @cache
 def entry(name: str, wide: bool = False) -> int:
     """Return the address of void(const double *in, double *out, const double *table), by the name
-    of one of ENTRIES, for one state or for states side by side; compiled once on a machine where
-    Numba can keep it."""
-    function, kind = ENTRIES[name], WIDE if wide else ONE
-    try:
-        compiled = cfunc(kind, cache=True, **ARITHMETIC)(function)
-    except RuntimeError:  # Numba found no folder that it may write to
-        compiled = cfunc(kind, **ARITHMETIC)(function)
+    of one of ENTRIES, for one state or for states side by side."""
+    return compiled_entry(ENTRIES[name], WIDE if wide else ONE)
+
+
+def compiled_entry(function: Callable, kind: Any) -> int:
+    """Return the address of a compiled function; compiled once on a machine where Numba can keep
+    it."""
+    with announced("compiling the elimination that charts share"):
+        try:
+            compiled = cfunc(kind, cache=True, **ARITHMETIC)(function)
+        except RuntimeError:  # Numba found no folder that it may write to
+            compiled = cfunc(kind, **ARITHMETIC)(function)
     KEPT.append(compiled)
     assert compiled.address is not None
     return compiled.address
