@@ -39,6 +39,7 @@ WINGS = {
     "masses of shapes": ("density",),
     "fluid": ("fluid",),
     "stops, contact, sticking": ("contact", "elastic", "impact", "sticking", "surfaces"),
+    "bearings": ("bearing", "bearing_loads", "bearings", "needs", "rubbing"),
     "large mechanisms": (
         *("articulated", "uncharted", "bound", "unit_directions", "partitioned", "tabled"),
         *("abreast", "called", "partitioned_slopes", "repeats"),

@@ -52,3 +52,16 @@ def test_steps_are_those_of_runs(mechanism, tmp_path):
     given = u if robot.actuators else None
     expected = robot.simulate(state, given, duration=0.05, rtol=1e-10, atol=1e-11).final
     np.testing.assert_allclose(moving.q, expected.q, rtol=1e-7, atol=1e-8)
+
+
+def test_bearings_rub_in_c_as_they_do_here(tmp_path):
+    """The friction that depends on what it changes is a program without a branch, too."""
+    bearing = lw.JournalBearing(friction=lw.Sliding(coefficient=0.3, rate=1e-3), radius=0.02)
+    robot = lw.Robot(hinge(bearing=bearing))
+    own = Library(robot, lw.export.c(robot, ["motion", "inverse_dynamics"]), tmp_path)
+    state = robot.home.with_rates([3.0])
+    expected = robot.forward_dynamics(state, [0.5])
+    _, [_, dv, *_] = own("motion", state.q, state.rates, [0.5])
+    np.testing.assert_allclose(dv, expected, rtol=1e-14)
+    _, [u, *_] = own("inverse_dynamics", state.q, state.rates, expected)
+    np.testing.assert_allclose(u, 0.5, rtol=1e-12)

@@ -21,6 +21,7 @@ import numpy as np
 from linkwork.equations import regressor
 from linkwork.equations.reference import unit
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.bearing import require_no_bearings
 from linkwork.model import checks
 from linkwork.model.closing import closed, of_any_length
 from linkwork.model.linear import own_rates
@@ -80,6 +81,11 @@ def regressor_of(robot: Robot, effects: Sequence[str] = ()) -> Regressor:
     Raises:
         LinkworkError: unknown names.
     """
+    require_no_bearings(
+        robot.mechanism.joints,
+        "what is linear in the parameters has not",
+        "identify the robot without bearings",
+    )
     names = regressor.names(robot.mechanism)
     bodies = names[: len(robot.bodies) * len(regressor.OF_BODIES)]
     effects = checks.names(effects, "effects")

@@ -17,6 +17,7 @@ from linkwork.equations import Equations, functions
 from linkwork.equations.algebra import SX
 from linkwork.equations.elimination import solve, weakest
 from linkwork.equations.joint_map import derivative
+from linkwork.mechanism.bearing import require_no_bearings
 
 OUTPUTS = (
     "jacobian",
@@ -129,6 +130,11 @@ class LoopMap:
     @cached_property
     def h(self) -> ca.SX:
         """The torques at the joints (k) that rates v, weight, springs and friction need."""
+        require_no_bearings(
+            self.equations.mechanism.joints,
+            "a bias without accelerations has not",
+            "take the map of the mechanism without bearings",
+        )
         return self.equations.bias_forces(self.equations.gravity)[self.places]
 
     def result(self, name: str) -> tuple[ca.SX, ca.SX | None]:

@@ -31,6 +31,7 @@ from linkwork.equations.joint_map import derivative
 from linkwork.equations.symmetric import solve_symmetric
 from linkwork.formats import poses
 from linkwork.mechanism import GROUND
+from linkwork.mechanism.bearing import require_no_bearings
 
 CLOSED = 1e-13  # gap of closed loops, in own units
 STEPS = 12  # of Newton's method, before the way is halved
@@ -166,6 +167,11 @@ class TreeMap:
     @cached_property
     def terms(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """M_app (n x n), h_app (n) and A (motors x n), with zeros where nothing is coupled."""
+        require_no_bearings(
+            self.equations.mechanism.joints,
+            "a plug-in has not",
+            "take the tree of the mechanism without bearings",
+        )
         equations, rest, E, v_e = self.equations, self.tree.rest, self.E, self.rates
         M, B = rest.inertia[0], E + self.spun
         v = ca.mtimes(B, v_e)

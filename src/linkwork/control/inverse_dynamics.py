@@ -20,10 +20,11 @@ import numpy as np
 from linkwork import math
 from linkwork.control.observation import Observation
 from linkwork.control.plant import Plant
-from linkwork.equations import Equations
+from linkwork.equations import Equations, bearings
 from linkwork.equations.algebra import matrix_quaternion
 from linkwork.equations.symmetric import solve_symmetric
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.bearing import require_no_bearings
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ class InverseDynamics:
         equations, actuators = self.robot.equations, self.robot.actuators
         independent = equations.independent
         a = ca.SX.sym("a", len(actuators))
-        M, h = equations.inertia[0], equations.bias_forces(equations.gravity)
+        M, h = equations.inertia[0], self._bias(a)
         if set(actuators) <= set(independent):
             driven = [independent.index(name) for name in actuators]
             free = [i for i in range(len(independent)) if i not in driven]
@@ -73,6 +74,22 @@ class InverseDynamics:
                 f"the model has the actuators {', '.join(ours)}, the robot {', '.join(theirs)}; "
                 "they have to be the same"
             )
+
+    def _bias(self, a: ca.SX) -> ca.SX:
+        """Return C v + G - f (n), with the friction of bearings for accelerations a of the actuated
+        rates."""
+        equations, actuators = self.robot.equations, self.robot.actuators
+        h, independent = equations.bias_forces(equations.gravity), equations.independent
+        if set(actuators) != set(independent):
+            require_no_bearings(
+                equations.mechanism.joints,
+                "a model in a controller whose actuators are not its independent rates leaves out",
+                "give the controller a model without",
+            )
+            return h
+        dv = ca.vertcat(ca.SX(0, 1), *(a[actuators.index(name)] for name in independent))
+        phi = bearings.friction(equations, dv, ca.SX.zeros(len(actuators)))
+        return h if phi is None else h - bearings.on_rates(equations, phi)
 
     def forces(self, state: Observation, accelerations: Any, still: bool = False) -> np.ndarray:
         """Return u (na) for accelerations (na) of the actuated rates, in the order of the

@@ -19,7 +19,7 @@ from linkwork.control.acting import OUTPUTS, Acting
 from linkwork.control.continued import continued
 from linkwork.control.drives import Ideal
 from linkwork.control.observation import expression
-from linkwork.equations import Equations, uncharted
+from linkwork.equations import Equations, bearings, uncharted
 from linkwork.equations.powers import contact_terms, power_terms
 
 DIRECTION = "d"  # the input of a derivative along a direction
@@ -112,7 +112,17 @@ class Joined:
     @cached_property
     def accelerations(self) -> ca.SX:
         """The accelerations v' (n)."""
-        return self.equations.accelerations(self.applied)
+        force = self.outputs["force"]
+        return bearings.accelerations(self.equations, self.applied, force, self.outside)
+
+    @property
+    def outside(self) -> tuple[tuple[str, ca.SX], ...]:
+        """The wrenches on bodies about their mass centres, in the ground's axes."""
+        parts = ca.vertsplit(self.outputs["wrenches"], 6) if self.acting.wrenches else []
+        return tuple(
+            wrench.about_centre(self.equations, part)
+            for wrench, part in zip(self.acting.wrenches, parts, strict=True)
+        )
 
     @cached_property
     def derivatives(self) -> ca.SX:
@@ -213,7 +223,9 @@ class Joined:
 
     def powers(self) -> ca.Function:
         """Return (q, v, z, r, p) -> what `power_terms` gives."""
-        return self._function("powers", power_terms(self.equations))
+        force = self.outputs["force"]
+        borne = bearings.friction_in_motion(self.equations, self.applied, force, self.outside)
+        return self._function("powers", power_terms(self.equations, borne))
 
     def contacts(self) -> ca.Function:
         """Return (q, v, z, r, p) -> what `contact_terms` gives."""

@@ -13,7 +13,8 @@ import numpy as np
 from linkwork import checks
 from linkwork.control.records import ActingPart, settled
 from linkwork.equations import Equations, body_motion
-from linkwork.equations.tree import near_offset
+from linkwork.equations.algebra import cross, vector
+from linkwork.equations.tree import near_offset, offset
 from linkwork.errors import LinkworkError
 from linkwork.simulation import Sampled, Signal
 
@@ -70,6 +71,14 @@ class Wrench(ActingPart):
             equations.tree, node, near_offset(node, np.array(self.point, float))
         )
         return ca.mtimes(equations.elimination.L.T, ca.mtimes(J.T, wrench))
+
+    def about_centre(self, equations: Equations, wrench: ca.SX) -> tuple[str, ca.SX]:
+        """Return the body, and (moment, force) given in the ground's axes about its mass centre."""
+        centre = equations.mechanism.bodies[self.body].centre_of_mass
+        node = equations.tree.node(self.body)
+        arm = offset(node, np.array(self.point, float)) - offset(node, vector(centre))
+        moment, force = wrench[:3], wrench[3:]
+        return self.body, ca.vertcat(moment + cross(arm, force), force)
 
 
 def three(values: Any, what: str, unit: str) -> tuple[float, ...]:

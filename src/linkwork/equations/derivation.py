@@ -16,7 +16,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import closure, cut_coordinates, gears, mobility, spins
+from linkwork.equations import bearings, closure, cut_coordinates, gears, mobility, spins
 from linkwork.equations.algebra import SX, dense, symbol
 from linkwork.equations.chart import choose_chart
 from linkwork.equations.equations import ClosureRows, Equations, scaled, sizes, smallest_singular
@@ -131,7 +131,7 @@ def derive(
     turning, idle = spins.spins(joints, configurations, samples)
     columns, heights = sizes(samples)
     smallest = float(smallest_singular(scaled(samples[0], (columns, heights)), len(kept)))
-    return Equations(
+    found = Equations(
         freed,
         topology,
         tree,
@@ -147,6 +147,8 @@ def derive(
         chart,
         notes,
     )
+    bearings.refuse_open(found)
+    return found
 
 
 def refuse_unmade(mechanism: Mechanism) -> None:

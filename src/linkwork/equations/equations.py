@@ -21,7 +21,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import articulated, contact, dynamics, effects
+from linkwork.equations import articulated, contact, dynamics, effects, rubbing
 from linkwork.equations.algebra import SX, present, vector
 from linkwork.equations.chart import Chart, constancy
 from linkwork.equations.closure import Cut
@@ -32,6 +32,7 @@ from linkwork.equations.symmetric import HIDDEN, solve_symmetric, unless
 from linkwork.equations.topology import Topology
 from linkwork.equations.tree import Tree
 from linkwork.mechanism import Mechanism
+from linkwork.mechanism.bearing import bearing_name
 from linkwork.mechanism.limits import meeting_name
 from linkwork.mechanism.sticking import strains
 
@@ -282,6 +283,9 @@ class Equations:
                 w = ca.mtimes(freedom.J, self.rates)
                 found[freedom.rates[0]] = freedom.friction.bristle.stiffness * freedom.bending(w)
         found |= {of.touch.name: of.strain_rate for of in self.touching if of.strain is not None}
+        for own in rubbing.rubbing(self.joints, self.strains):
+            if own.strain is not None:
+                found[bearing_name(own.joint)] = own.strain_rate(self.rates)
         return ca.vertcat(SX(0, 1), *(found[of] for of in self.strains))
 
     @cached_property

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from linkwork.equations import body_motion, dynamics, effects
+from linkwork.equations import bearings, body_motion, dynamics, effects
 from linkwork.equations import regressor as linear
 from linkwork.equations.algebra import SX, dot, vector
 from linkwork.equations.elimination import solve
@@ -32,7 +32,7 @@ def function(
 def motion(equations: Equations) -> ca.Function:
     """Return (q, v, u) -> q', v' and the weakest relative pivot: the direct dynamics, Eq. (9)."""
     u = SX.sym("u", len(equations.mechanism.actuators))
-    acceleration = equations.accelerations(ca.mtimes(equations.actuation.T, u))
+    acceleration = bearings.accelerations(equations, ca.mtimes(equations.actuation.T, u), u)
     derivatives = equations.tree.derivatives(equations.rates)
     outputs = {
         "derivatives": derivatives,
@@ -44,12 +44,29 @@ def motion(equations: Equations) -> ca.Function:
 
 def inverse_dynamics(equations: Equations) -> ca.Function:
     """Return (q, v, v') -> the forces on the independent rates, M v' + C v + G - f, and the weakest
-    relative pivot."""
+    relative pivot; bearings carry what they do under actuators there."""
     dv = SX.sym("dv", equations.mobility)
-    L, b, pivot = equations.elimination
-    h = equations.tree_forces(ca.mtimes(L, dv) + b, equations.gravity)
-    outputs = {"forces": ca.mtimes(L.T, h), "pivot": pivot}
+    forces = forces_needed(equations, dv, SX.zeros(len(equations.mechanism.actuators)))
+    outputs = {"forces": forces, "pivot": equations.elimination.pivot}
     return function("inverse_dynamics", equations, outputs, v=equations.v, dv=dv)
+
+
+def forces_needed(equations: Equations, dv: ca.SX, u: ca.SX) -> ca.SX:
+    """Return M v' + C v + G - f (n), with the friction that bearings have under actuator forces
+    u."""
+    L, b, _ = equations.elimination
+    h = equations.tree_forces(ca.mtimes(L, dv) + b, equations.gravity)
+    needed = ca.mtimes(L.T, h)
+    phi = bearings.friction(equations, dv, u)
+    return needed if phi is None else needed - bearings.on_rates(equations, phi)
+
+
+def inverse_dynamics_borne(equations: Equations) -> ca.Function:
+    """Return (q, v, v', u) -> what `inverse_dynamics` gives where bearings carry what they do under
+    actuator forces u."""
+    dv, u = SX.sym("dv", equations.mobility), SX.sym("u", len(equations.mechanism.actuators))
+    outputs = {"forces": forces_needed(equations, dv, u), "pivot": equations.elimination.pivot}
+    return function("inverse_dynamics_borne", equations, outputs, v=equations.v, dv=dv, u=u)
 
 
 def actuation(equations: Equations) -> ca.Function:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from linkwork.equations import body_motion, functions
+from linkwork.equations import bearings, body_motion, functions
 from linkwork.equations.algebra import SX
 from linkwork.equations.equations import Equations
 
@@ -36,7 +36,7 @@ def derivatives(equations: Equations) -> ca.Function:
     S = ca.mtimes(tree.derivative_map, L)
     applied = ca.mtimes(equations.actuation.T, u)
     force = applied - equations.bias_forces(equations.gravity)
-    f = equations.accelerations(applied)
+    f = bearings.accelerations(equations, applied, u)
     joints = ca.mtimes(equations.joints.rate_rows(), L)
     along = [ca.jtimes(ca.mtimes(S, v), tree.q, S), shifted(S, tree.q, ca.mtimes(S, v))]
     T_tool = SX(0, equations.mobility)

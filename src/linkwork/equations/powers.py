@@ -13,12 +13,15 @@ from linkwork.equations import effects, fluid
 from linkwork.equations.algebra import SX, present
 from linkwork.equations.equations import Equations
 from linkwork.equations.functions import function
+from linkwork.equations.rubbing import rubbing
 
 
-def power_terms(equations: Equations) -> dict[str, ca.SX]:
+def power_terms(equations: Equations, borne: ca.SX | None = None) -> dict[str, ca.SX]:
     """Return the actuated rates S v, the power of friction in each joint rate (m), of the damper of
     each spring between points and of what resists each transmission, of what dissipates in each
     place of contact and of fluid [W], and the weakest relative pivot.
+
+    borne: the friction of bearings (K)
     """
     mechanism, tree, w = equations.mechanism, equations.tree, equations.rates
     friction = SX.zeros(len(mechanism.rates))
@@ -30,6 +33,9 @@ def power_terms(equations: Equations) -> dict[str, ca.SX]:
             lines[freedom.rates[0]] = power
         else:
             friction[[mechanism.rates.index(label) for label in freedom.rates]] = power
+    if borne is not None:
+        for own, force in zip(rubbing(equations.joints), ca.vertsplit(borne), strict=True):
+            friction[mechanism.rates.index(own.rate)] += force * ca.mtimes(own.J, w)
     dampers = []
     for pull in effects.pulls(mechanism, tree):
         damped = present(pull.spring.damping)

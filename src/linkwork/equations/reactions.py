@@ -1,42 +1,22 @@
-"""What the wrenches in the joints follow from: what every body and every joint's freedoms need, and
-where the joints are.
-
-Newton and Euler for each body about its mass centre, in the ground's axes; the joints bring
-
-    moment = I alpha + omega x I omega - moments of point springs
-    force = m (a - g) - forces of point springs
-
-and along its own freedoms a joint brings a known force for each rate w: that of friction, spring
-and rotor J,
-
-    f = -k (x - rest) - d w - friction - J w' + u    beside those of gears,
-
-and what acts along transmissions adds to the forces on joint rates and on bodies.
-
-A unit rate of a joint moves F2 in F1 by the twist s = [z; u], u at the origin of F2.
-"""
+"""What the wrenches in the joints follow from: what every body and every joint's freedoms need
+(`needs`), the friction of bearings included, and where the joints are."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-
 import casadi as ca
-import numpy as np
 
-from linkwork.equations import effects
-from linkwork.equations.algebra import SX, cross, present, spin, vector, zero
-from linkwork.equations.closure import Side, side
+from linkwork.equations import bearings
+from linkwork.equations.algebra import SX
 from linkwork.equations.equations import Equations
 from linkwork.equations.functions import function
-from linkwork.equations.joints import motions_of
-from linkwork.equations.moments import tensor
-from linkwork.equations.tree import in_base, near_offset
-from linkwork.mechanism import PairJoint
+from linkwork.equations.needs import bodies_need, frames, joint_twists, known_forces, line_tensions
+from linkwork.equations.rubbing import rubbing
 
 
 def joint_loads(equations: Equations) -> ca.Function:
-    """Return (q, v, v', u, s) -> what the joints have to bring, where they are, and the weakest
-    relative pivot, under forces u of the actuators and s of bristles, if the equations have any.
+    """Return (q, v, v', u, s, w) -> what the joints have to bring, where they are, and the weakest
+    relative pivot, under forces u of the actuators and s of bristles, if the equations have any;
+    wrenches w (6r) from outside are felt by the friction of bearings alone.
 
     Outputs, in the ground's axes: `needed` [moment about the mass centre; force] of every body
     (6r), `centres` (3r); of every joint that connects two bodies the `origins` of F1 and F2 (6J);
@@ -51,44 +31,28 @@ def joint_loads(equations: Equations) -> ca.Function:
     pairs = equations.mechanism.pairs
     sides = {name: frames(equations, joint) for name, joint in pairs.items()}
     twists = [twist for name, joint in pairs.items() for twist in joint_twists(joint, *sides[name])]
+    outside = SX.sym("outside", 6 * len(equations.mechanism.bodies))
+    f = known_forces(equations, accelerations, u, tensions)
+    by_body = tuple(zip(equations.mechanism.bodies, ca.vertsplit(outside, 6), strict=True))
+    phi = bearings.friction(equations, dv, u, by_body)
+    if phi is not None:
+        labels = equations.mechanism.rates
+        f[[labels.index(own.rate) for own in rubbing(equations.joints)]] += phi
     outputs = {
         "needed": ca.vertcat(SX(0, 1), *needed),
         "centres": ca.vertcat(SX(0, 1), *centres),
         "origins": ca.vertcat(SX(0, 1), *[frame.P for pair in sides.values() for frame in pair]),
         "twists": ca.vertcat(SX(0, 1), *twists),
-        "f": known_forces(equations, accelerations, u, tensions),
+        "f": f,
         "pivot": pivot,
     }
     s = ca.vertcat(SX(0, 1), *equations.strains.values())
-    return function("joint_loads", equations, outputs, v=equations.v, dv=dv, u=u, s=s)
+    return function("joint_loads", equations, outputs, v=equations.v, dv=dv, u=u, s=s, w=outside)
 
 
 def strained_loads(equations: Equations) -> ca.Function:
     """Return `joint_loads` with the forces of bristles."""
     return joint_loads(equations.strained)
-
-
-def line_tensions(equations: Equations, accelerations: ca.SX, u: ca.SX) -> dict[str, ca.SX]:
-    """Return the force along each transmission: the actuator's, and that of what acts there."""
-    mechanism, w = equations.mechanism, equations.rates
-    found = dict.fromkeys(mechanism.transmissions, SX(0))
-    for freedom in equations.freedoms:
-        if (name := freedom.rates[0]) in found:
-            found[name] = own_force(equations, freedom, w, accelerations)
-    for name, force in zip(mechanism.actuators, ca.vertsplit(u) if u.numel() else [], strict=True):
-        if name in found:
-            found[name] += force
-    return found
-
-
-def own_force(
-    equations: Equations, freedom: effects.Freedom, w: ca.SX, accelerations: ca.SX
-) -> ca.SX:
-    """Return the force of spring, friction and rotor in a freedom, or along a transmission."""
-    force = freedom.force(ca.mtimes(freedom.J, w))
-    if present(freedom.rotor):
-        force -= freedom.rotor * freedom.acceleration(equations.tree, w, accelerations)
-    return force
 
 
 def joint_axes(equations: Equations) -> ca.Function:
@@ -99,77 +63,3 @@ def joint_axes(equations: Equations) -> ca.Function:
     )
     axes = ca.vertcat(SX(0, 1), *[ca.vec(frame.R.matrix.T) for frame in sides])
     return function("joint_axes", equations, {"axes": axes})
-
-
-def bodies_need(
-    equations: Equations, accelerations: ca.SX, tensions: Mapping[str, ca.SX]
-) -> tuple[list[ca.SX], list[ca.SX]]:
-    """Return [moment about the mass centre; force] that the joints bring to each body, and the mass
-    centres.
-
-    tensions: forces along transmissions, by name
-    """
-    tree, w, mechanism = equations.tree, equations.rates, equations.mechanism
-    omega = tree.angular_velocities(w)
-    alpha, a = tree.accelerations(omega, w, accelerations, -equations.gravity)
-    pulls = equations.wrenches
-    needed, centres = [], []
-    for name, body in mechanism.bodies.items():
-        node, c = tree.node(name), vector(body.centre_of_mass)
-        i, d = node.index, near_offset(node, c)
-        inertia = ca.mtimes(ca.mtimes(node.R.near, SX(tensor(body.inertia))), node.R.near.T)
-        pulled = pulls.get(i, (zero(), zero()))
-        force = body.mass * (a[i] + cross(alpha[i], d) + spin(omega[i], d)) - pulled[1]
-        moment = ca.mtimes(inertia, alpha[i]) + cross(omega[i], ca.mtimes(inertia, omega[i]))
-        moment -= pulled[0] - cross(d, pulled[1])
-        moment, force = (ca.mtimes(node.axes.matrix, part) for part in (moment, force))
-        for line, tension in tensions.items():
-            for other, arm, wrench in equations.joints.along(line).wrenches:
-                if other == name:
-                    lever = ca.mtimes(node.axes.matrix, arm - d)
-                    moment -= tension * (wrench[:3] + cross(lever, wrench[3:]))
-                    force -= tension * wrench[3:]
-        needed += [moment, force]
-        centres.append(tree.point(node, c))
-    return needed, centres
-
-
-def frames(equations: Equations, joint: PairJoint) -> tuple[Side, Side]:
-    """Return a joint's frames F1 and F2."""
-    first, second = (
-        side(equations.tree, body, frame)
-        for body, frame in zip(joint.connects, joint.frames, strict=True)
-    )
-    return first, second
-
-
-def joint_twists(joint: PairJoint, first: Side, second: Side) -> Iterator[ca.SX]:
-    """Yield s of each rate of a joint; the second axis of two turns (a universal joint) is fixed in
-    F2."""
-    motions = motions_of(joint)
-    crossed = sum(motion.turns for motion in motions) == 2
-    for motion in motions:
-        if motion.ball:
-            yield from (ca.vertcat(in_base(first.R, e), zero()) for e in np.eye(3))
-        else:
-            R = second.R if crossed and motion is motions[-1] else first.R
-            yield ca.vertcat(in_base(R, motion.turn), in_base(R, motion.slide))
-
-
-def known_forces(
-    equations: Equations, accelerations: ca.SX, u: ca.SX, tensions: Mapping[str, ca.SX]
-) -> ca.SX:
-    """Return f (m) of friction, springs, rotors, actuators and combinations for the rates of all
-    joints, in the mechanism's order."""
-    mechanism, labels, w = equations.mechanism, equations.mechanism.rates, equations.rates
-    f = SX.zeros(len(labels))
-    for freedom in effects.freedoms(equations.joints, strains=equations.strains):
-        force = own_force(equations, freedom, w, accelerations)
-        f[[labels.index(label) for label in freedom.rates]] += force
-    for place, name in enumerate(mechanism.actuators):
-        if name not in tensions:
-            f[labels.index(name)] += u[place]
-    for name, tension in tensions.items():
-        for label, ratio in equations.joints.along(name).ratios.items():
-            f[labels.index(label)] += ratio * tension
-    return f

@@ -19,6 +19,7 @@ from linkwork.equations.algebra import SX, cross
 from linkwork.equations.joint_map import JointMap
 from linkwork.equations.lengths import slides
 from linkwork.equations.mobility import free_motions
+from linkwork.equations.rubbing import rubbing
 from linkwork.equations.tree import Node, Tree
 from linkwork.mechanism import GROUND, Limits, Mechanism
 
@@ -151,8 +152,8 @@ def moves(
 
 
 def loaded_rows(joints: JointMap) -> ca.SX:
-    """Return the rows (rows x nv) of what friction, springs, rotors, limits, contacts and a fluid
-    act on.
+    """Return the rows (rows x nv) of what friction, springs, rotors, limits, bearings, contacts and
+    a fluid act on.
 
     They are joint rates, relative rates of change of the lengths of springs between points, and
     velocities over the mechanism's own length where bodies may touch or a fluid acts, with the
@@ -161,6 +162,7 @@ def loaded_rows(joints: JointMap) -> ca.SX:
     tree = joints.tree
     loaded = (*effects.freedoms(joints), *effects.lines(joints))
     labels = [rate for freedom in loaded for rate in freedom.rates]
+    labels += [own.rate for own in rubbing(joints)]
     lengths = [ca.log(pull.length) for pull in effects.pulls(joints.mechanism, tree)]
     changes = ca.mtimes(ca.jacobian(ca.vertcat(SX(0, 1), *lengths), tree.q), tree.derivative_map)
     rates = SX.sym("rates", len(tree.rates))

@@ -180,7 +180,7 @@ CALLS: Mapping[str, Call] = {
             (Q, V, replace(STATE, role="out")),
             "start.c",
             STEPS,
-            expressions.require_no_bristles,
+            expressions.require_steps,
         ),
         Call(
             "step_rk4",
@@ -190,7 +190,7 @@ CALLS: Mapping[str, Call] = {
             (U, DT, STATE),
             "step_rk4.c",
             (*STEPS, *OTHER_CHARTS),
-            expressions.require_no_bristles,
+            expressions.require_steps,
         ),
         Call(
             "step",
@@ -209,7 +209,7 @@ CALLS: Mapping[str, Call] = {
             ),
             "step.c",
             (*STEPS, *OTHER_CHARTS),
-            expressions.require_no_bristles,
+            expressions.require_steps,
         ),
     )
 }

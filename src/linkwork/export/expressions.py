@@ -22,6 +22,7 @@ from linkwork.equations.symmetric import solve_symmetric
 from linkwork.equations.task import task_map
 from linkwork.equations.tree import Tree
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.bearing import require_no_bearings
 from linkwork.mechanism.sticking import strains
 from linkwork.mechanism.task import labels
 from linkwork.model.actuation import DRIVEN, undriven
@@ -49,6 +50,12 @@ def actuator_forces(robot: Robot, equations: Equations) -> ca.Function:
     forces, pivot = own(equations.tree.q, equations.v, dv, equations.p)
     if robot.actuators != equations.independent:
         require_driven(robot)
+        if {*robot.actuators} != {*equations.independent}:
+            require_no_bearings(
+                robot.mechanism.joints,
+                "inverse_dynamics whose actuators are not its independent rates leaves out",
+                "leave it out of the functions, or drive the independent rates",
+            )
         S = equations.actuation
         forces = ca.mtimes(S, solve_symmetric(ca.mtimes(S.T, S), forces))
     outputs = {"u": forces, "pivot": pivot}
@@ -211,8 +218,14 @@ def require_single(robot: Robot) -> None:
         )
 
 
-def require_no_bristles(robot: Robot) -> None:
-    """Refuse motions over time where friction sticks, which has states of its own."""
+def require_steps(robot: Robot) -> None:
+    """Refuse motions over time where friction sticks, which has states of its own, or depends on
+    what joints carry, which is not known before a chart is chosen."""
+    require_no_bearings(
+        robot.mechanism.joints,
+        "steps in C leave out",
+        "leave start, step_rk4 and step out, and integrate motion, which has it",
+    )
     sticking = [strain.of for strain in strains(robot.mechanism)]
     if sticking:
         raise LinkworkError(

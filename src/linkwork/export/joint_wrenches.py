@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from linkwork.equations import Equations
+from linkwork.equations import Equations, bearings
 from linkwork.equations.algebra import SX
 from linkwork.equations.joints import held_length
 from linkwork.equations.reactions import joint_loads
@@ -48,8 +48,9 @@ def reactions(robot: Robot, equations: Equations) -> ca.Function:
     second bodies, about the origins of F1 in the ground's axes, and the weakest relative pivot."""
     q, v, p, u = equations.tree.q, equations.v, equations.p, SX.sym("u", len(robot.actuators))
     # The loads in the motion that the forces give.
-    dv = equations.accelerations(ca.mtimes(equations.actuation.T, u))
-    *loads, pivot = joint_loads(equations)(q, v, dv, u, SX(0, 1), p)
+    dv = bearings.accelerations(equations, ca.mtimes(equations.actuation.T, u), u)
+    still = SX.zeros(6 * len(robot.bodies))
+    *loads, pivot = joint_loads(equations)(q, v, dv, u, SX(0, 1), still, p)
     length, joints, bodies = spread(robot), len(equations.mechanism.pairs), len(robot.bodies)
     unit = ca.DM([length] * 3 + [1] * 3)
     needed, centres, origins, twists, f = loads

@@ -1,6 +1,7 @@
 """Stage 1, describe: a mechanism as frozen data, and its file format. No mathematics."""
 
 from linkwork.mechanism import joints, shapes, transmissions
+from linkwork.mechanism.bearing import JournalBearing, SlidingBearing
 from linkwork.mechanism.body import Body, Inertia
 from linkwork.mechanism.contact import Contact, HeightField, Plane, Points, Sliding
 from linkwork.mechanism.effects import Bristle, Effects, Friction, Lift, Limits, PointSpring, Spring
@@ -29,6 +30,7 @@ __all__ = [
     "Friction",
     "HeightField",
     "Inertia",
+    "JournalBearing",
     "Lift",
     "Limits",
     "Mechanism",
@@ -37,6 +39,7 @@ __all__ = [
     "PointSpring",
     "Points",
     "Sliding",
+    "SlidingBearing",
     "Spring",
     "Stop",
     "Tool",

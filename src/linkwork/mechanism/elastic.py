@@ -55,12 +55,12 @@ def expanded(fields: Mapping[str, Any], joints: Mapping[str, Any]) -> dict[str, 
                     (section, own),
                 )
         # The joint without its motor, the motor beside it, the spring between them.
-        frames = (joint.frames[0], type(joint.frames[0])())
+        known, frames = type(joint).model_fields, (joint.frames[0], type(joint.frames[0])())
         made["bodies"][rotor] = Body(mass=0.0)
         made["joints"][name] = joint.model_copy(update={"elastic": None})
         made["joints"][motor] = joint.model_copy(
             update={
-                **{of: joint.__class__.model_fields[of].get_default() for of in LOADS},
+                **{of: own.get_default() for of, own in known.items() if of in LOADS},
                 "connects": (joint.connects[0], rotor),
                 "frames": frames,
                 "rotor_inertia": elastic.motor_inertia,
@@ -77,5 +77,5 @@ def expanded(fields: Mapping[str, Any], joints: Mapping[str, Any]) -> dict[str, 
     return {**fields, **{of: own for of, own in made.items() if own}, "actuators": tuple(actuators)}
 
 
-LOADS = ("friction", "spring", "limits", "stop")
+LOADS = ("friction", "spring", "limits", "stop", "bearing")
 """What the motor has not of its joint."""

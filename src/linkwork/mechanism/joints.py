@@ -19,6 +19,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
+from linkwork.mechanism.bearing import JournalBearing, SlidingBearing
 from linkwork.mechanism.effects import Effects, Friction, Limits, Spring, require_ends
 from linkwork.mechanism.elastic import Elastic
 from linkwork.mechanism.frame import Frame
@@ -243,6 +244,9 @@ class RevoluteJoint(OneFreedom):
     freedoms: ClassVar = ("angle",)
     type: Literal["revolute"] = "revolute"
     axis: Axis = Field(default=(0.0, 0.0, 1.0), description="unit axis in the joint frames")
+    bearing: JournalBearing | None = Field(
+        default=None, description="rubs by what the joint carries"
+    )
 
 
 class PrismaticJoint(OneFreedom):
@@ -252,6 +256,9 @@ class PrismaticJoint(OneFreedom):
     freedoms: ClassVar = ("slide",)
     type: Literal["prismatic"] = "prismatic"
     axis: Axis = Field(default=(0.0, 0.0, 1.0), description="unit axis in the joint frames")
+    bearing: SlidingBearing | None = Field(
+        default=None, description="rubs by what the joint carries"
+    )
 
 
 class ScrewJoint(OneFreedom):

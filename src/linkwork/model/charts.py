@@ -30,6 +30,7 @@ from linkwork.equations.uncharted import uncharted
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.kernels.bound import BoundFunction
+from linkwork.mechanism.bearing import bearings
 from linkwork.model.derivations import kept
 from linkwork.model.tabled import jacobian, tabled
 
@@ -37,6 +38,7 @@ KERNELS = (
     "motion",
     "constraints",
     "inverse_dynamics",
+    "inverse_dynamics_borne",
     "actuation",
     "terms",
     "closure_step",
@@ -176,6 +178,8 @@ class CompiledChart:
         def instructions() -> np.ndarray:
             return np.array(functions.motion(self.equations).n_instructions())
 
+        if bearings(self.equations.mechanism.joints):
+            return False  # their friction is found with the accelerations, of each chart its own
         return self.kept("instructions", instructions).item() > LARGE
 
     def kept(self, key: str, find: Callable[[], np.ndarray]) -> np.ndarray:

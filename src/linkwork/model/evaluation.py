@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.bearing import bearings
 from linkwork.model import actuation, checks, undefined
 from linkwork.model.chart_transfer import chart_in, reread
 from linkwork.model.reordering import evaluated
@@ -19,6 +20,9 @@ from linkwork.model.state import State
 
 if TYPE_CHECKING:
     from linkwork.model.model import Model
+
+BORNE = 100  # times that forces are found anew with the friction that they cause
+SETTLED = 1e-14  # change of these, over the largest, that is rounding
 
 
 def in_chart(robot: Model, state: State, names: tuple[str, ...]) -> State:
@@ -102,9 +106,37 @@ def actuator_forces(
             axis=0,
         )
         f = actuation.idle_left(S, units.inertia(M), f, len(robot.idle))
-    u = actuation.least_forces(S, f, W / units.actuators**2)
+    weights = np.asarray(W / units.actuators**2)
+    u = actuation.least_forces(S, f, weights)
+    if bearings(robot.mechanism.joints):
+        f, u = borne(robot, state, v_dot, S, u, weights, units)
     actuation.require_driven(S, f, u, parts, state.independent, len(robot.idle))
     return u / units.actuators
+
+
+def borne(
+    robot: Model,
+    state: State,
+    v_dot: np.ndarray,
+    S: np.ndarray,
+    u: np.ndarray,
+    weights: np.ndarray,
+    units: actuation.Units,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return forces on the rates and u of the actuators, in own units, where bearings carry what
+    they do under u itself; u: a first guess."""
+    for _ in range(BORNE):
+        given = state.rates, v_dot, u / units.actuators
+        f, pivot = outputs(robot, "inverse_dynamics_borne", state, *given)
+        require_regular(robot, state, pivot, f, v_dot, "accelerations")
+        f, before = f * units.rates, u
+        u = actuation.least_forces(S, f, weights)
+        if (np.abs(u - before) <= SETTLED * np.abs(u).max(initial=0.0)).all():
+            return f, u
+    raise LinkworkError(
+        "the actuator forces that this needs are not found, for bearings carry what grows with "
+        "them as fast as their friction does; give smaller coefficients, or other actuators"
+    )
 
 
 def own_units(robot: Model, state: State) -> actuation.Units:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import prod
 from typing import TYPE_CHECKING, ClassVar
 
 import casadi as ca
@@ -111,7 +112,7 @@ def reactions(
     v_dot = evaluation.dynamics(robot, "motion", state, u, "forces")
     batch = v_dot.shape[:-1]
     rows = [
-        np.broadcast_to(x, (*batch, x.shape[-1])).reshape(-1, x.shape[-1])
+        np.broadcast_to(x, (*batch, x.shape[-1])).reshape(prod(batch), x.shape[-1])
         for x in (state.q, state.rates, v_dot, u)
     ]
     return transmitted(robot, [Samples(robot.chart_of(state), *rows)], batch, frame, length)
@@ -157,6 +158,9 @@ def balanced_part(
     """Return wrenches and their constraint part (K, J, 6), multipliers of gears (K, gears), and
     which are open (J, 6)."""
     unit, strains = np.repeat([length, 1.0], 3), samples.strains
+    outside = samples.applied
+    if outside is None:
+        outside = np.zeros((len(samples.q), len(robot.bodies), 6))
     needed, centres, origins, twists, f, _ = evaluated(
         robot,
         samples.chart,
@@ -166,11 +170,11 @@ def balanced_part(
         samples.v_dot,
         samples.u,
         np.empty((len(samples.q), 0)) if strains is None else strains,
+        outside.reshape(len(samples.q), 6 * len(robot.bodies)),
     )
     count, bodies, joints = len(f), len(robot.bodies), len(network.joints)
     needed, origins = needed.reshape(count, bodies, 6), origins.reshape(count, joints, 2, 3)
-    if samples.applied is not None:
-        needed = needed - samples.applied
+    needed = needed - outside
     centres, twists = centres.reshape(count, bodies, 3) / length, twists.reshape(*f.shape, 6) * unit
     balance = balanced(network, Loads(needed / unit, centres, origins / length, twists, f))
     axes = seen_from(samples, joints, frame)
@@ -216,7 +220,8 @@ def spread(robot: Model) -> float:
     that is zero."""
     home = robot.home
     still = np.zeros(len(robot.actuators))
-    found = kernel(robot.chart, joint_loads)(home.q, home.rates, home.rates, still, ())
+    nothing = np.zeros(6 * len(robot.bodies))
+    found = kernel(robot.chart, joint_loads)(home.q, home.rates, home.rates, still, (), nothing)
     origins = found[2].reshape(-1, 3)
     if not len(origins):
         return 1.0

@@ -8,6 +8,7 @@ import numpy as np
 
 from linkwork.equations import effects
 from linkwork.equations.algebra import SX
+from linkwork.equations.bearings import jamming
 from linkwork.errors import LinkworkError
 from linkwork.model.charts import CompiledChart
 
@@ -72,6 +73,12 @@ def refusal(chart: CompiledChart, q: np.ndarray) -> LinkworkError:
                 f"rounding hides it{named and f' (that of {named})'}; give the moving bodies mass "
                 "or inertia"
             )
+        if jammed := jamming(chart.equations, one, chart.p):
+            return LinkworkError(
+                f"the friction of the bearings of {', '.join(jammed)} grows as fast with what they "
+                "carry as that does with the friction, so that there may be no motion or several "
+                "(Painleve); give smaller coefficients, smaller radii or longer spans"
+            )
     return LinkworkError(
         "the numbers here leave the range of doubles; give smaller rates, accelerations and "
         "forces, or check their units"
@@ -79,12 +86,17 @@ def refusal(chart: CompiledChart, q: np.ndarray) -> LinkworkError:
 
 
 def in_motion(chart: CompiledChart, q: np.ndarray) -> str:
-    """Return what is undefined at q (nq) of a run; nothing where neither a spring nor the inertia
-    is."""
+    """Return what is undefined at q (nq) of a run; nothing where neither a spring, the inertia nor
+    the friction of bearings is."""
     if springs := meeting(chart, q):
         return f"the force of the spring {', '.join(map(repr, springs))}, whose ends meet,"
     if massless(chart, q):
         return (
             "the acceleration, for the generalised inertia is singular (some motion moves no mass),"
+        )
+    if jammed := jamming(chart.equations, q, chart.p):
+        return (
+            f"the acceleration, for the friction of the bearings of {', '.join(jammed)} leaves no "
+            "motion or several (Painleve),"
         )
     return ""

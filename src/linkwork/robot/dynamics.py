@@ -163,7 +163,7 @@ class Dynamics(Kinematics):
 
     def passive_forces(self, state: State) -> np.ndarray:
         """Return the forces f (..., n) [N, N m] of springs, dampers and friction on the independent
-        rates."""
+        rates; the friction of bearings, which accelerations are part of, is not among them."""
         return evaluation.terms(self, state).f
 
     def energy(self, state: State) -> tuple[np.ndarray, np.ndarray]:

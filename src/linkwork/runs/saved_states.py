@@ -15,6 +15,7 @@ import numpy as np
 
 from linkwork.equations import Equations
 from linkwork.equations.powers import contacts, powers
+from linkwork.mechanism.bearing import bearings
 from linkwork.model import dexterity, task
 from linkwork.model.charts import CompiledChart
 from linkwork.model.reactions import Samples, transmitted
@@ -233,10 +234,10 @@ class SavedStates:
         return forces.reshape(len(self.y), gaps.shape[1], 3), gaps
 
     def _strained(self, name: str, make: Callable[[Equations], ca.Function]) -> tuple[Any, ...]:
-        """Return what a function of q and v gives; with the states of bristles where there are
-        any."""
+        """Return what a function of q and v gives; with the states of bristles and the friction of
+        bearings where there are any."""
         chart, v = self._rated
-        if self.robot.names.strains:
+        if self.robot.names.strains or bearings(self.robot.mechanism.joints):
             return self.system.kernel(chart, name)(self.q, v, self.z, self.u, self.p)
         return chart.compiled(name, make)(self.q, v, self.p_robot)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from linkwork.formats.mjcf.sheet import Sheet
 from linkwork.mechanism import Limits, LoadedLength
+from linkwork.mechanism.bearing import bearings
 
 
 def tell_differences(sheet: Sheet) -> None:
@@ -31,6 +32,8 @@ def tell_differences(sheet: Sheet) -> None:
         say("limits are stops in MuJoCo; here passing them is only reported")
     if any(own.friction.static or own.friction.bristle for own in effects):
         say("static friction and bristles are left out: MuJoCo has frictionloss alone")
+    if named := ", ".join(bearings(sheet.mechanism.joints)):
+        say(f"{named}: the friction of bearings is left out: MuJoCo has none that grows with load")
     if sheet.mechanism.contacts:
         say("contacts are left out: MuJoCo's follow another law, by solref and solimp")
     lines = sheet.mechanism.transmissions.values()

@@ -19,6 +19,7 @@ from linkwork.lab.engines.rewrite import with_free_joints, with_links
 from linkwork.lab.engines.start import Guess, bodies_at, with_link_motion
 from linkwork.lab.engines.tree import EngineTree, spanning_tree
 from linkwork.mechanism import Mechanism
+from linkwork.mechanism.bearing import bearings
 from linkwork.mechanism.limits import meetings
 
 
@@ -84,7 +85,7 @@ def carry(mechanism: Mechanism, guess: Guess) -> Carried:
 
     Raises:
         EngineError: a body has no mass that its rods could borrow, or there are stops,
-            contacts, static friction, bristles or a fluid.
+            contacts, static friction, bristles, bearings or a fluid.
     """
     for name in meetings(mechanism):
         raise EngineError(f"{name}: engines stop by laws of their own; compare without stops")
@@ -93,6 +94,8 @@ def carry(mechanism: Mechanism, guess: Guess) -> Carried:
             raise EngineError(
                 f"joints.{name}: engines have no friction with a rise or bristles; compare without"
             )
+    for name in bearings(mechanism.joints):
+        raise EngineError(f"joints.{name}: engines have no friction by load; compare without")
     if felt(mechanism):
         raise EngineError("fluid: not every engine has one; compare without")
     hanging, hung = with_free_joints(mechanism)

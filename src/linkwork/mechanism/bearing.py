@@ -1,0 +1,60 @@
+"""Bearings: what a joint carries presses its surfaces together, and they rub.
+
+With the wrench [M; F] that a joint's constraints transmit, about the origin of F2, and its axis a,
+
+    across   F_n = F - a (a . F),  borne at one place, or at two with the distance `span` along the
+             axis:  F_n / 2 +- (M_n x a) / span,  M_n = M - a (a . M)
+    along    F_a = a . F of a revolute joint, borne at `thrust_radius`
+
+A slide rubs with the sum of the forces across, a revolute joint at `radius` with their sum and at
+`thrust_radius` with |F_a|. Moments about the axis of a slide do not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pydantic import Field
+
+from linkwork.mechanism.contact import Sliding
+from linkwork.mechanism.record import Amount, MechanismError, Positive, Record
+
+
+class SlidingBearing(Record):
+    """Rub by what a prismatic joint carries across its axis."""
+
+    friction: Sliding = Field(description="of the surfaces; its coefficient times what they carry")
+    span: Positive | None = Field(
+        default=None,
+        description="distance of two bearings along the axis, of which the origin of F2 is the "
+        "middle [m]; one that bears no moment if left out",
+    )
+
+
+class JournalBearing(SlidingBearing):
+    """Rub by what a revolute joint carries: across its axis at the radius of the journal, along it
+    at that of the thrust face."""
+
+    radius: Positive = Field(description="radius of the journal [m]")
+    thrust_radius: Amount = Field(
+        default=0.0, description="radius at which what is carried along the axis rubs [m]"
+    )
+
+
+def bearings(joints: Mapping[str, object]) -> dict[str, SlidingBearing]:
+    """Return the bearings of joints, by name."""
+    found = {name: getattr(joint, "bearing", None) for name, joint in joints.items()}
+    return {name: own for name, own in found.items() if own is not None}
+
+
+def bearing_name(joint: str) -> str:
+    """Return what a joint's bearing is called among bristles and powers."""
+    return f"{joint}: bearing"
+
+
+def require_no_bearings(joints: Mapping[str, object], what: str, instead: str) -> None:
+    """Refuse what does not know bearings, by the joints' names."""
+    if names := ", ".join(bearings(joints)):
+        raise MechanismError(
+            f"{what} the friction of bearings, which depends on what they carry: {names}; {instead}"
+        )
