@@ -167,7 +167,7 @@ def test_a_model_whose_masses_are_all_meshes_says_so(tmp_path):
     (told,) = [
         c
         for c in caveats(model(tmp_path, inertial='<geom type="mesh" mesh="m"/>', more=""))
-        if "no mass" in c
+        if "no mass here" in c
     ]
     assert (
         "and 1 more: <body> ('palm', 'arm') has no mass here: all of it is that of meshes" in told

@@ -149,6 +149,9 @@ def read(path: str | Path, reading: Reading = PLAIN) -> Imported:
     mechanism = form.opened().read(root, notes, reading)
     if reading.floating:
         mechanism = floated(mechanism, path.name, notes)
+    from linkwork.formats.weightless import tell
+
+    tell(mechanism, path.name, notes)
     return Imported(mechanism.model_copy(update={"caveats": notes.caveats()}), notes.sentences())
 
 
