@@ -1,8 +1,9 @@
-"""`linkwork export`: C and FMUs, what it says, what it refuses."""
+"""`linkwork export`: C, FMUs and CasADi, what it says, what it refuses."""
 
 import json
 import zipfile
 
+import casadi as ca
 import pytest
 from typer.testing import CliRunner
 
@@ -49,16 +50,38 @@ def test_an_fmu_is_written_to_a_file(tmp_path):
     assert again.exit_code == 2 and "--overwrite to replace it" in again.stderr
 
 
+def test_functions_of_casadi(tmp_path):
+    file = tmp_path / "prr3.casadi"
+    words = "--functions", "gravity,closed", "--free", "gravity.y", "--json"
+    result = call("prr3", file, "--to", "casadi", *words)
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["functions"] == ["gravity", "closed"]
+    gravity, closed = ca.FileDeserializer(str(file)).unpack()
+    assert gravity.name_in() == ["q", "p"] and closed.name_out() == ["q"]
+    again = call("prr3", file, "--to", "casadi")
+    assert again.exit_code == 2 and "--overwrite to replace it" in again.stderr
+    result = call("bricard", tmp_path / "bricard.casadi", "--to", "casadi")
+    assert "jacobian is left out: the mechanism names no tool" in result.stderr
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (("--to", "c"), "give it as --out DIR"),
         (("robot.yaml", "--to", "c", "--out", "there"), "give it as --out DIR"),
         ((), "name the mechanism file to write"),
-        (("robot.yaml", "--functions", "motion"), "--functions is of C; give it with --to c"),
+        (
+            ("robot.yaml", "--functions", "motion"),
+            "--functions is of C and CasADi; give it with --to c or casadi",
+        ),
         (("--out", "there"), "--out is of C; give it with --to c"),
         (("robot.yaml", "--to", "fmu"), "an FMU is written to a file"),
         (("robot.yaml", "--outputs", "rates"), "--outputs is of FMUs; give it with --to fmu"),
+        (("--to", "casadi"), "name it behind the robot, FILE.casadi"),
+        (("robot.yaml", "--to", "casadi"), "name it behind the robot, FILE.casadi"),
+        (("f.casadi", "--to", "casadi", "--functions", "no"), "there is no function 'no'"),
+        (("no/f.casadi", "--to", "casadi", "--functions", "gravity"), "cannot be written"),
+        (("f.casadi", "--to", "casadi", "--misra"), "--misra is of C; give it with --to c"),
         (("robot.txt",), "a mechanism file ends in .yaml"),
     ],
 )

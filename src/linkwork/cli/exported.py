@@ -1,4 +1,5 @@
-"""A robot written to be used elsewhere: as a mechanism file, as C, or as an FMU."""
+"""A robot written to be used elsewhere: as a mechanism file, as C, as an FMU, or as functions of
+CasADi."""
 
 from __future__ import annotations
 
@@ -128,6 +129,29 @@ def export_fmu(asked: Export) -> None:
     tell_written([file], False)
 
 
+def export_casadi(asked: Export) -> None:
+    """Write a robot's functions to a file of CasADi's, and say what was left out."""
+    from linkwork.export import casadi
+
+    if asked.file is None or asked.file.suffix.lower() != ".casadi":
+        raise LinkworkError(
+            "functions of CasADi are written to a file; name it behind the robot, FILE.casadi"
+        )
+    refuse_existing(asked.file, asked.overwrite)
+    functions, wanted = casadi(freed(asked)), split(asked.chosen["functions"])
+    with patience("making functions for CasADi"):
+        file = functions.save(asked.file, wanted)
+    notes = (
+        [] if wanted else [f"{name} is left out: {why}" for name, why in functions.missing.items()]
+    )
+    notes += functions.notes
+    if asked.as_json:
+        show_json({"written": [file], "functions": wanted or [*functions], "notes": notes})
+        return
+    tell(notes)
+    tell_written([file], False)
+
+
 def freed(asked: Export) -> Robot:
     """Return the robot, with the numbers free that are asked to be."""
     robot, free = built(asked.source), split(asked.chosen["free"])
@@ -149,5 +173,6 @@ TARGETS: Mapping[str, ExportTarget] = {
     "fmu": ExportTarget(
         "FMUs", frozenset({"free", "name", "fmi", "outputs", "platforms"}), export_fmu
     ),
+    "casadi": ExportTarget("CasADi", frozenset({"functions", "free"}), export_casadi),
 }
 """What a robot can be written as, by its name on the command line."""

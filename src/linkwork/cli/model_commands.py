@@ -25,6 +25,7 @@ class ExportFormat(StrEnum):
     yaml = "yaml"
     c = "c"
     fmu = "fmu"
+    casadi = "casadi"
 
 
 class FmiVersion(StrEnum):
@@ -69,17 +70,23 @@ def export(
     robot: RobotName,
     file: Annotated[
         Path | None,
-        typer.Argument(metavar="FILE", help="What to write: FILE.yaml, or FILE.fmu with --to fmu."),
+        typer.Argument(
+            metavar="FILE",
+            help="What to write: FILE.yaml, FILE.fmu with --to fmu, FILE.casadi with --to casadi.",
+        ),
     ] = None,
     to: Annotated[
-        ExportFormat, typer.Option(help="A mechanism file, C99, or an FMU.")
+        ExportFormat, typer.Option(help="A mechanism file, C99, an FMU, or functions of CasADi.")
     ] = ExportFormat.yaml,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="C: the folder for its files.")
     ] = None,
     functions: Annotated[
         str | None,
-        typer.Option(metavar="NAMES", help="C: the functions, 'motion,jacobian'; all if left out."),
+        typer.Option(
+            metavar="NAMES",
+            help="C, CasADi: the functions, 'motion,jacobian'; all if left out.",
+        ),
     ] = None,
     precision: Annotated[Precision, typer.Option(help="C: of all numbers.")] = Precision.double,
     sines: Annotated[
@@ -88,7 +95,8 @@ def export(
     free: Annotated[
         str | None,
         typer.Option(
-            metavar="PATHS", help="C, FMU: numbers that stay free, 'platform.mass,gravity.z'."
+            metavar="PATHS",
+            help="C, FMU, CasADi: numbers that stay free, 'platform.mass,gravity.z'.",
         ),
     ] = None,
     name: Annotated[
@@ -125,8 +133,8 @@ def export(
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Write a robot as a mechanism file, to be changed and used as ROBOT, as C99 (--to c)
-    or as a Functional Mock-up Unit (--to fmu)."""
+    """Write a robot as a mechanism file, to be changed and used as ROBOT, as C99 (--to c), as a
+    Functional Mock-up Unit (--to fmu), or as functions of CasADi (--to casadi)."""
     from linkwork.cli.exported import Export, export
 
     source = Source(robot, reference, floating, packages, merging, includes)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 
 import casadi as ca
@@ -42,6 +43,7 @@ class CasadiFunctions(Mapping[str, ca.Function]):
         arrays: (name, unit) of each number of q, v, u, a, pose and x, in order, and of each column
             of wrenches
         parameters: values of the free numbers p by path, in order
+        missing: the functions that the robot cannot have, and why
         notes: sentences on what acts otherwise than in a run
     """
 
@@ -56,7 +58,6 @@ class CasadiFunctions(Mapping[str, ca.Function]):
         self._of = robot, equations
         self._wholes: dict[str, ca.Function] = {}
         self._functions: dict[str, ca.Function] = {}
-        self._names: tuple[str, ...] | None = None
 
     def __getitem__(self, name: str) -> ca.Function:
         """Return a function by name.
@@ -80,26 +81,27 @@ class CasadiFunctions(Mapping[str, ca.Function]):
         return self[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in tuple(self)
+        return name in PARTS and name not in self.missing
 
     def __iter__(self) -> Iterator[str]:
-        if self._names is None:
-            self._names = tuple(name for name in PARTS if self.refusal(name) is None)
-        return iter(self._names)
+        return (name for name in PARTS if name not in self.missing)
 
     def __len__(self) -> int:
-        return sum(1 for _ in self)
+        return len(PARTS) - len(self.missing)
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self]
 
-    def refusal(self, name: str) -> str | None:
-        """Say why the robot cannot have a function; None where it has it."""
-        checks.known([name], tuple(PARTS), "function")
-        try:
-            PARTS[name].refuse(*self._of)
-        except LinkworkError as error:
-            return str(error)
+    @cached_property
+    def missing(self) -> dict[str, str]:
+        """The functions that the robot cannot have, and why, in a sentence each."""
+        found = {}
+        for name, part in PARTS.items():
+            try:
+                part.refuse(*self._of)
+            except LinkworkError as error:
+                found[name] = str(error)
+        return found
 
     @property
     def operations(self) -> dict[str, int]:
@@ -149,8 +151,7 @@ class CasadiFunctions(Mapping[str, ca.Function]):
             gives = ", ".join(each for each in part.renamed if each != PIVOT)
             lines.append(f"  {call:<32} -> {gives:<20} {part.says}")
         lines.append("and pivot, the weakest relative one, where the rates determine the motion")
-        missing = [name for name in PARTS if name not in self]
-        lines += [f"without {', '.join(missing)} (`refusal` says why)"] * bool(missing)
+        lines += [f"without {', '.join(self.missing)} (`missing` says why)"] * bool(self.missing)
         return "\n".join([*lines, *self.notes])
 
 
