@@ -49,7 +49,7 @@ LATER = {
     ("linkwork.robot.facade", "linkwork.export"),
 }
 """What may ask a later module, in a function: a class its own file format; a run its plot, and the
-state in its file; objects their pictures in notebooks; a robot its functions for CasADi."""
+state in its file; objects their pictures in notebooks; a robot what it is exported as."""
 
 
 def name_of(path: Path) -> str:

@@ -90,3 +90,20 @@ def test_refusals(words, sentence):
     assert result.exit_code == 2
     assert sentence in result.stderr.replace("\n", " ")
     assert result.stderr.count("\n") == 1
+
+
+def test_equations_are_written(tmp_path):
+    tex, module = tmp_path / "crank.tex", tmp_path / "crank.py"
+    result = call("slider_crank", tex, "--to", "latex", "--symbols", "all")
+    assert result.exit_code == 0, result.output
+    assert r"\begin{align*}" in tex.read_text() and "l_{1}" in tex.read_text()
+    result = call("slider_crank", module, "--to", "sympy", "--free", "crank.mass")
+    assert result.exit_code == 0, result.output
+    assert "m_crank = Symbol(" in module.read_text()
+    for words, sentence in (
+        (["slider_crank", "--to", "latex"], "name the file to write, FILE.tex"),
+        (["slider_crank", module, "--to", "sympy"], "--overwrite"),
+        (["slider_crank", tmp_path / "a.yaml", "--symbols", "all"], "--symbols is of LaTeX and Sy"),
+    ):
+        again = call(*words)
+        assert again.exit_code == 2 and sentence in again.stderr

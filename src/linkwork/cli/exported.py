@@ -1,5 +1,5 @@
-"""A robot written to be used elsewhere: as a mechanism file, as C, as an FMU, or as functions of
-CasADi."""
+"""A robot written to be used elsewhere: a mechanism file, C, an FMU, functions of CasADi,
+equations to be read."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ PLAIN = {
     "fmi": "3.0",
     "outputs": None,
     "platforms": None,
+    "symbols": "free",
 }
 """What the options of some targets are left out as."""
 
@@ -152,6 +153,30 @@ def export_casadi(asked: Export) -> None:
     tell_written([file], False)
 
 
+def export_equations(asked: Export, ending: str) -> None:
+    """Write a robot's equations in closed form, as LaTeX (.tex) or as a SymPy module (.py)."""
+    from linkwork.export import sympy
+
+    if asked.file is None or asked.file.suffix != ending:
+        raise LinkworkError(f"name the file to write, FILE{ending}")
+    refuse_existing(asked.file, asked.overwrite)
+    robot = freed(asked)
+    with patience("deriving closed forms"):
+        forms = sympy(robot, symbols=asked.chosen["symbols"])
+    written(asked.file, forms.latex() if ending == ".tex" else forms.source())
+    tell_written([asked.file], asked.as_json)
+
+
+def written(file: Path, text: str) -> None:
+    """Write a text file."""
+    try:
+        file.write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise LinkworkError(
+            f"{file} cannot be written ({error.strerror or error}); give another name"
+        ) from None
+
+
 def freed(asked: Export) -> Robot:
     """Return the robot, with the numbers free that are asked to be."""
     robot, free = built(asked.source), split(asked.chosen["free"])
@@ -174,5 +199,11 @@ TARGETS: Mapping[str, ExportTarget] = {
         "FMUs", frozenset({"free", "name", "fmi", "outputs", "platforms"}), export_fmu
     ),
     "casadi": ExportTarget("CasADi", frozenset({"functions", "free"}), export_casadi),
+    "latex": ExportTarget(
+        "LaTeX", frozenset({"free", "symbols"}), lambda asked: export_equations(asked, ".tex")
+    ),
+    "sympy": ExportTarget(
+        "SymPy", frozenset({"free", "symbols"}), lambda asked: export_equations(asked, ".py")
+    ),
 }
 """What a robot can be written as, by its name on the command line."""

@@ -26,11 +26,18 @@ class ExportFormat(StrEnum):
     c = "c"
     fmu = "fmu"
     casadi = "casadi"
+    latex = "latex"
+    sympy = "sympy"
 
 
 class FmiVersion(StrEnum):
     three = "3.0"
     two = "2.0"
+
+
+class SymbolsOf(StrEnum):
+    free = "free"
+    all = "all"
 
 
 class Precision(StrEnum):
@@ -72,11 +79,13 @@ def export(
         Path | None,
         typer.Argument(
             metavar="FILE",
-            help="What to write: FILE.yaml, FILE.fmu with --to fmu, FILE.casadi with --to casadi.",
+            help="What to write: .yaml, .fmu with --to fmu, .casadi with --to casadi, .tex with "
+            "--to latex, .py with --to sympy.",
         ),
     ] = None,
     to: Annotated[
-        ExportFormat, typer.Option(help="A mechanism file, C99, an FMU, or functions of CasADi.")
+        ExportFormat,
+        typer.Option(help="A mechanism file, C99, an FMU, functions of CasADi, or equations."),
     ] = ExportFormat.yaml,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="C: the folder for its files.")
@@ -94,10 +103,7 @@ def export(
     ] = Sines.polynomial,
     free: Annotated[
         str | None,
-        typer.Option(
-            metavar="PATHS",
-            help="C, FMU, CasADi: numbers that stay free, 'platform.mass,gravity.z'.",
-        ),
+        typer.Option(metavar="PATHS", help="Numbers that stay free, 'platform.mass,gravity.z'."),
     ] = None,
     name: Annotated[
         str | None,
@@ -125,6 +131,9 @@ def export(
             "compiler is found for if left out.",
         ),
     ] = None,
+    symbols: Annotated[
+        SymbolsOf, typer.Option(help="Equations: symbols of free numbers, or of all.")
+    ] = SymbolsOf.free,
     reference: Reference = None,
     floating: Floating = False,
     packages: PackagePath = None,
@@ -134,12 +143,13 @@ def export(
     json: Json = False,
 ) -> None:
     """Write a robot as a mechanism file, to be changed and used as ROBOT, as C99 (--to c), as a
-    Functional Mock-up Unit (--to fmu), or as functions of CasADi (--to casadi)."""
+    Functional Mock-up Unit (--to fmu), as functions of CasADi (--to casadi), or its equations in
+    closed form (--to latex, --to sympy)."""
     from linkwork.cli.exported import Export, export
 
     source = Source(robot, reference, floating, packages, merging, includes)
     chosen = {"out": out, "functions": functions, "precision": precision.value, "free": free}
-    chosen |= {"sines": sines.value, "name": name, "misra": misra}
+    chosen |= {"sines": sines.value, "name": name, "misra": misra, "symbols": symbols.value}
     chosen |= {"fmi": fmi.value, "outputs": outputs, "platforms": platforms}
     export(to.value, Export(source, file, chosen, overwrite, json))
 

@@ -1,8 +1,19 @@
-"""What leaves Linkwork and runs anywhere: a robot's equations of motion as C99, as FMUs, and as
-functions of CasADi."""
+"""What leaves Linkwork: a robot's equations of motion as C99 that runs anywhere, as FMUs, as
+functions of CasADi, and in closed form to be read."""
 
 from linkwork.export._c import FUNCTIONS, CExport, c
 from linkwork.export._casadi import CasadiFunctions, casadi
 from linkwork.export._fmu import FmuExport, fmu
+from linkwork.export._symbolic import latex, sympy
 
-__all__ = ["FUNCTIONS", "CExport", "CasadiFunctions", "FmuExport", "c", "casadi", "fmu"]
+__all__ = [
+    "FUNCTIONS",
+    "CExport",
+    "CasadiFunctions",
+    "FmuExport",
+    "c",
+    "casadi",
+    "fmu",
+    "latex",
+    "sympy",
+]

@@ -259,7 +259,7 @@ class Robot(Dynamics, Portrayed):
         """
         return evaluation.in_chart(self, state, checks.names(independent, "independent"))
 
-    # Functions of CasADi
+    # Exports
 
     def functions(self, chart: State | Sequence[str] | None = None) -> CasadiFunctions:
         """Return the equations of motion as CasADi functions with named arguments, by name, for
@@ -275,6 +275,21 @@ class Robot(Dynamics, Portrayed):
         from linkwork.export import casadi
 
         return casadi(self, chart)
+
+    def latex(self, *, symbols: Literal["free", "all"] = "free") -> str:
+        """Return the equations of motion in closed form as a LaTeX document: those of
+        `linkwork.export.sympy`.
+
+        Args:
+            symbols: "free": free numbers are symbols; "all": lengths, masses, inertias and gravity
+                are, too.
+
+        Raises:
+            LinkworkError: SymPy is not installed; a mechanism without short closed forms.
+        """
+        from linkwork.export import latex
+
+        return latex(self, symbols=symbols)
 
     # Simulation
 
