@@ -40,9 +40,9 @@ def viewer(robot):
 class Browser:
     """A page on a viewer, what went wrong in it, and what the server knows of it."""
 
-    def __init__(self, chromium, viewer: Viewer):
+    def __init__(self, chromium, viewer: Viewer, size: dict[str, int] = SIZE):
         before = set(viewer.server.get_clients())
-        self.viewer, self.page, self.wrong = viewer, chromium.new_page(viewport=SIZE), []
+        self.viewer, self.page, self.wrong = viewer, chromium.new_page(viewport=size), []
         self.page.on(
             "console", lambda message: message.type == "error" and self.wrong.append(message.text)
         )
@@ -103,6 +103,21 @@ def test_the_page_loads_without_errors_and_shows_the_robot(chromium, viewer):
     assert "slide_2 [m]" in browser.page.inner_text("body")
     assert browser.wrong == []
     browser.page.close()
+
+
+def test_a_page_as_narrow_as_a_telephone_shows_the_whole_robot_above_the_panel(chromium, robot):
+    places = [place for place, _ in robot.body_poses(robot.home).values()]
+    with Viewer(robot) as viewer:
+        browser = Browser(chromium, viewer, {"width": 390, "height": 844})
+        camera = browser.client.camera
+
+        def seen() -> bool:
+            pixels = [on_screen(camera, place) for place in places]
+            return all(0 < x < 390 and 0 < y < 422 for x, y in pixels)
+
+        until(seen)
+        assert browser.wrong == []
+        browser.page.close()
 
 
 def test_a_drag_moves_the_platform_and_the_loops_stay_closed(chromium, viewer, robot):

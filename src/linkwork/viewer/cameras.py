@@ -16,6 +16,7 @@ from linkwork.scene.scene import upwards
 
 CAMERAS = ("iso", "xy", "xz", "yz")
 FIELD_OF_VIEW = np.radians(40)
+NARROW = 0.7  # width over height of a picture over which the panel lies, as on telephones
 AXES = dict(zip("xyz", np.eye(3), strict=True))
 
 
@@ -50,7 +51,18 @@ def distance(size: float) -> float:
 
 
 def look(client: viser.ClientHandle, centre: np.ndarray, up: np.ndarray, arm: np.ndarray) -> None:
-    """Let one browser look at a point (3) [m] from this arm (3) [m] away."""
+    """Let one browser look at a point (3) [m] from this arm (3) [m] away.
+
+    One that is much higher than wide sees in its width what others see in their height, and in its
+    upper half, for the panel covers the lower one.
+    """
+    aspect = client.camera.aspect
+    if aspect < NARROW:
+        arm = arm / aspect
+        away = np.linalg.norm(arm)
+        upright = up - (up @ arm) * arm / away**2
+        rise = 0.5 * away * np.tan(FIELD_OF_VIEW / 2)  # a quarter of the picture's height
+        centre = centre - rise * upright / np.linalg.norm(upright)
     with client.atomic():
         client.camera.up_direction = up
         client.camera.position = centre + arm

@@ -17,7 +17,7 @@ from linkwork.scene.fixtures import OPACITY, Fixture
 from linkwork.scene.layout import Placement, of_mesh, quaternions, turned_by
 from linkwork.scene.rails import Rail
 from linkwork.viewer.arrows import ArrowLines
-from linkwork.viewer.cameras import FIELD_OF_VIEW, camera, distance, follow, look, outlook
+from linkwork.viewer.cameras import FIELD_OF_VIEW, NARROW, camera, distance, follow, look, outlook
 from linkwork.viewer.conditioning import colour
 from linkwork.viewer.marks import FRAMES, Marks, Pose, written
 from linkwork.viewer.reach import Reach
@@ -376,6 +376,20 @@ class BrowserStage:
         up, towards = camera(name, self.robot)
         middle = self.parts.centre if centre is None else centre
         look(client, middle, up, distance(self.parts.size) * towards)
+
+    def welcome(self, client: viser.ClientHandle) -> None:
+        """Let a browser as narrow as a telephone see the whole mechanism, once it stands where all
+        begin."""
+        begun, looked = self.server.initial_camera.position, []
+
+        def on_update(camera: viser.CameraHandle) -> None:
+            narrow = camera.aspect < NARROW and not looked
+            if narrow and np.allclose(camera.position, begun, rtol=1e-3):
+                looked.append(True)
+                up, towards = outlook(self.robot)
+                look(client, self.parts.centre, up, distance(self.parts.size) * towards)
+
+        client.camera.on_update(on_update)
 
     def follow(self, centre: np.ndarray) -> None:
         """Keep a point (3) [m] in the middle of all browsers."""

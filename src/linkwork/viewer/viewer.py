@@ -99,6 +99,7 @@ class Viewer:
         if self.stage.handle is not None:
             self.stage.handle.on_update(self._dragged)
         self.stage.grip.on_update(self._pulled)
+        self.server.on_client_connect(self.stage.welcome)
         self.server.on_client_disconnect(lambda _: self.post(self._released))
         self.refresh(monotonic())
 
