@@ -56,6 +56,7 @@ class MuJoCoSide:
         off = ("CONTACT", "LIMIT", "FRICTIONLOSS", "ACTUATION")
         for word in off:
             self.model.opt.disableflags |= int(getattr(mj.mjtDisableBit, f"mjDSBL_{word}"))
+        self.model.jnt_actgravcomp[:] = 0
         self.model.opt.jacobian = mj.mjtJacobian.mjJAC_DENSE
         self.data = mj.MjData(self.model)
         self.nv, self.start = self.model.nv, self.model.qpos0.copy()

@@ -65,6 +65,7 @@ def test_the_names_in_study_files_are_those_that_the_classes_say():
         "servo": "Servo",
         "lagging_servo": "LaggingServo",
         "integrating_servo": "IntegratingServo",
+        "muscle": "Muscle",
     }
     types = [each.model_fields["type"].default for each in RECORDS]
     joints = ["pd", "pd_with_gravity", "pid", "computed_torque", "sliding_mode", "lqr"]

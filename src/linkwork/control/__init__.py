@@ -14,6 +14,7 @@ from linkwork.control.cylinders import HydraulicCylinder, PneumaticCylinder
 from linkwork.control.drives import DCMotor, Drive, Ideal, Lag, Saturated
 from linkwork.control.events import Event, limit_events, singular_events
 from linkwork.control.lqr import LQR
+from linkwork.control.muscles import Muscle
 from linkwork.control.observation import Observation
 from linkwork.control.sampler import Sampler
 from linkwork.control.servos import IntegratingServo, LaggingServo, Servo
@@ -26,7 +27,7 @@ LAWS = (
 )
 DRIVES = (
     *(Ideal, Saturated, Lag, DCMotor, HydraulicCylinder, PneumaticCylinder),
-    *(Servo, LaggingServo, IntegratingServo),
+    *(Servo, LaggingServo, IntegratingServo, Muscle),
 )
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "IntegratingServo",
     "Lag",
     "LaggingServo",
+    "Muscle",
     "Observation",
     "PDWithGravity",
     "PneumaticCylinder",

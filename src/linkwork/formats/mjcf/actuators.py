@@ -21,8 +21,9 @@ import numpy as np
 
 from linkwork.formats import poses
 from linkwork.formats.mjcf.document import ACTUATORS, Document, flag
-from linkwork.formats.mjcf.inertia import inertia
+from linkwork.formats.mjcf.inertia import FREEDOMS, along, inertia
 from linkwork.formats.mjcf.joints import DrivenBall, Joints
+from linkwork.formats.mjcf.laws import MUSCLE
 from linkwork.formats.mjcf.tree import ModelTree
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
@@ -43,6 +44,8 @@ SITES = ("site", "refsite", "slidersite", "cranksite")
 LAWS = ("motor", "position", "velocity", "intvelocity", "damper", "cylinder", "general")
 ELSEWHERE = ("body", "slidersite", "cranksite", "refsite")  # what no transmission here is
 LAGS = ("filter", "filterexact")
+TINY = 1e-15  # least divisor that MuJoCo takes
+UNKNOWN_IN_MUSCLES = ("forcerange", "forcelimited", "actlimited", "actrange", "actearly", "delay")
 
 Numbers = dict[str, float | str]
 
@@ -278,9 +281,9 @@ class ActuatorReader:
     def _law(self, element: Element, gear: float) -> Numbers:
         """Return the numbers of the drive that an actuator is; none of one that gives its control
         as a force."""
-        damped = element.tag in ("position", "intvelocity") and "dampratio" in element.attributes
-        cable = isinstance(self.tendons.get(element.attributes.get("tendon", "")), Cable)
-        if element.tag not in LAWS or not self._known(element) or (damped and cable):
+        if element.tag == "muscle":
+            return self._muscle(element, gear)
+        if element.tag not in LAWS or not self._known(element):
             self.notes.on(
                 element,
                 "is taken as a plain actuator: its control law is left out, the force is yours",
@@ -403,17 +406,66 @@ class ActuatorReader:
             return {"least_force": low, "largest_force": high}
         return {name: min(max(float(value), low), high) for name, value in found.items()}
 
+    def _muscle(self, element: Element, gear: float) -> Numbers:
+        """Return the numbers of the drive that a muscle is; none of one whose range of lengths is
+        not written, or that has what a muscle here has not."""
+        low, high = element.numbers("lengthrange", (2,), (0.0, 0.0))
+        unknown = [key for key in UNKNOWN_IN_MUSCLES if key in element.attributes]
+        if not low < high or unknown or "site" in element.attributes:
+            why = "it has no lengthrange, which MuJoCo finds by a simulation of its own"
+            if unknown or "site" in element.attributes:
+                why = f"a muscle here has no {', '.join(unknown) or 'site'}"
+            self.notes.on(
+                element,
+                "is taken as a plain actuator: its control law is left out, the force is yours, "
+                f"for {why}",
+            )
+            return {}
+        # Lengths, whose range in units of the muscle's own is given, and the force.
+        least, largest = element.numbers("range", (2,), (0.75, 1.05))
+        unit = (high - low) / max(largest - least, TINY)
+        force = element.number("force", -1.0)
+        if force < 0:
+            force = element.number("scale", 200.0) / max(self._acceleration(element, gear), TINY)
+        times = element.numbers("timeconst", (1, 2), (0.01, 0.04))
+        numbers = {
+            "peak_force": force,
+            "optimum_length": unit,
+            "tendon_length": low - least * unit,
+            "gear": gear,
+            **dict(zip(("activation_time", "deactivation_time"), times, strict=False)),
+            **{name: element.number(key, own) for name, (key, own) in MUSCLE.items()},
+        }
+        bounds = self._range(element, "ctrl", "excitation").values() or (0.0, 1.0)
+        ends = (float(np.clip(float(value), 0, 1)) for value in bounds)
+        numbers |= dict(zip(("least_excitation", "largest_excitation"), ends, strict=True))
+        return {"type": "muscle", **{name: float(value) for name, value in numbers.items()}}
+
+    def _acceleration(self, element: Element, gear: float) -> float:
+        """Return the size of the accelerations at qpos0 by a unit force, |M^-1 J'|."""
+        return float(np.linalg.norm(np.linalg.solve(self.inertia[0], self._row(element, gear))))
+
     def _reflected(self, element: Element, gear: float) -> float:
         """Return the inertia that an actuator sees at qpos0 [kg, kg m^2], 1 / (J M^-1 J')."""
-        line = self.tendons.get(element.attributes.get("tendon", ""))
-        own = dict.fromkeys((self.joints.coordinates[name] for name in self._moved(element)), 1.0)
-        if any(line.inertia for line in self.tendons.values() if isinstance(line, Cable)):
-            remark = "has a dampratio, in which the armature of spatial tendons is left out"
-            self.notes.on(element, remark, alters=True)
-        J, places = np.zeros(len(self.inertia[0])), self.inertia[1]
-        for label, ratio in (line.ratios if isinstance(line, Combination) else own).items():
-            J[places[label]] = gear * ratio
+        J = self._row(element, gear)
         return float(1 / (J @ np.linalg.solve(self.inertia[0], J)))
+
+    def _row(self, element: Element, gear: float) -> np.ndarray:
+        """Return J (nv) of an actuator at qpos0."""
+        line = self.tendons.get(element.attributes.get("tendon", ""))
+        if line is not None:
+            return gear * self._along(line, self.inertia[1])
+        ratios = dict.fromkeys((self.joints.coordinates[n] for n in self._moved(element)), 1.0)
+        return gear * self._along(Combination(ratios=ratios), self.inertia[1])
+
+    def _along(self, line: Combination | Cable, places: dict[str, int]) -> np.ndarray:
+        """Return J (nv) of a transmission at qpos0."""
+        if isinstance(line, Cable):
+            return along(line, self.tree)
+        J = np.zeros(sum(FREEDOMS[piece.kind] for _, piece in self.tree.pieces()))
+        for label, ratio in line.ratios.items():
+            J[places[label]] = ratio
+        return J
 
     @cached_property
     def inertia(self) -> tuple[np.ndarray, dict[str, int]]:
@@ -425,12 +477,10 @@ class ActuatorReader:
             for (_, piece), rate in zip(self.tree.pieces(), rates, strict=True)
         }
         places = {label: at[name] for name, label in self.joints.coordinates.items() if name in at}
-        lines = [line for line in self.tendons.values() if isinstance(line, Combination)]
-        for line in lines:
-            J = np.zeros(len(M))
-            for label, ratio in line.ratios.items():
-                J[places[label]] = ratio
-            M = M + line.inertia * np.outer(J, J)
+        for line in self.tendons.values():
+            if line.inertia:
+                J = self._along(line, places)
+                M = M + line.inertia * np.outer(J, J)
         return M, places
 
 

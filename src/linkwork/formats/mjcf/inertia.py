@@ -5,13 +5,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 
+from linkwork.equations.cables import way
 from linkwork.formats import poses
 from linkwork.formats.mjcf.document import ACTUATORS, Document
 from linkwork.formats.mjcf.tree import ModelTree, Piece
 from linkwork.formats.notes import Notes
+from linkwork.mechanism import Cable
 
+FREEDOMS = {"slide": 1, "hinge": 1, "ball": 3, "free": 6}
 UNSEEN = "has an armature, which is left out"
 
 
@@ -24,7 +28,7 @@ def inertia(tree: ModelTree) -> tuple[np.ndarray, list[range]]:
     rotors: list[float] = []
     places: list[range] = []
     for _, piece in tree.pieces():
-        count = {"slide": 1, "hinge": 1, "ball": 3, "free": 6}[piece.kind]
+        count = FREEDOMS[piece.kind]
         places.append(range(len(rotors), len(rotors) + count))
         rotors += [piece.rotor] * count
     at, M = tree.poses(), np.diag(np.array(rotors, float))
@@ -57,6 +61,19 @@ def jacobians(tree: ModelTree, origins: bool = False) -> dict[str, np.ndarray]:
                 moved = np.cross(axis, centre - point) if turning else axis
                 J[:, place] = [*(axis if turning else np.zeros(3)), *moved]
     return found
+
+
+def along(cable: Cable, tree: ModelTree) -> np.ndarray:
+    """Return J (nv) of l' = J w of a cable at qpos0."""
+    at, moving = tree.poses(), jacobians(tree, origins=True)
+
+    def place(body: str) -> tuple[ca.SX, ca.SX]:
+        return ca.SX(at[body][:3, :3]), ca.SX(at[body][:3, 3])
+
+    # Forces at the ends of its straight parts, about the origins of the bodies' frames.
+    wrenches = way(cable, place).wrenches(place)
+    parts = (np.array(ca.DM(wrench)).ravel() @ moving[body] for body, wrench in wrenches)
+    return sum(parts, np.zeros(sum(FREEDOMS[piece.kind] for _, piece in tree.pieces())))
 
 
 def with_spring_dampers(document: Document, tree: ModelTree, notes: Notes) -> ModelTree:

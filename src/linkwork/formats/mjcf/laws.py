@@ -12,6 +12,15 @@ from linkwork.mechanism import Combination, Mechanism
 
 DYNAMICS = {"servo": "none", "lagging_servo": "filterexact", "integrating_servo": "integrator"}
 """The activation's kind, by the types of drives that MuJoCo has."""
+MUSCLE = {
+    "least_length": ("lmin", 0.5),
+    "largest_length": ("lmax", 1.6),
+    "fastest": ("vmax", 1.5),
+    "passive": ("fpmax", 1.3),
+    "lengthening": ("fvmax", 1.2),
+    "blend": ("tausmooth", 0.0),
+}
+"""The attributes of a muscle and what they are where they are left out, by the drive's numbers."""
 RANGES = (("ctrl", "command"), ("force", "force"), ("act", "activation"))
 
 
@@ -23,6 +32,10 @@ def law_of(mechanism: Mechanism, name: str, notes: Notes) -> tuple[str, float, d
     """
     drive = dict(mechanism.drives.get(name, {}))
     kind = str(drive.pop("type", ""))
+    line = mechanism.transmissions.get(name)
+    offset = line.offset if isinstance(line, Combination) else 0.0
+    if kind == "muscle":
+        return _muscle({key: float(value) for key, value in drive.items()}, offset)
     if kind not in DYNAMICS:
         if kind:
             notes.say(
@@ -32,8 +45,7 @@ def law_of(mechanism: Mechanism, name: str, notes: Notes) -> tuple[str, float, d
         return "motor", 1.0, {}
     given = {key: float(value) for key, value in drive.items()}
     gear = given.get("gear", 1.0)
-    line = mechanism.transmissions.get(name)
-    ahead = gear * line.offset if isinstance(line, Combination) else 0.0
+    ahead = gear * offset
     # Gain and bias, what the control passes through, ranges.
     law = {"dyntype": DYNAMICS[kind]}
     for what, constant in (("gain", 1.0), ("bias", 0.0)):
@@ -47,6 +59,24 @@ def law_of(mechanism: Mechanism, name: str, notes: Notes) -> tuple[str, float, d
         if ends != (-UNLIMITED, UNLIMITED):
             law[f"{key}range"] = numbers(ends)
     return "general", gear, law
+
+
+def _muscle(given: dict[str, float], offset: float) -> tuple[str, float, dict[str, str]]:
+    """Return what `law_of` does of a muscle along a length that is ahead of MuJoCo's."""
+    gear, least = given.get("gear", 1.0), given.get("tendon_length", 0.0)
+    first = least - gear * offset
+    law = {
+        "force": number(given["peak_force"]),
+        "range": "0 1",
+        "lengthrange": numbers((first, first + given["optimum_length"])),
+    }
+    shown = {"activation_time": 0.01, "deactivation_time": 0.04}
+    law["timeconst"] = numbers(given.get(name, own) for name, own in shown.items())
+    law |= {key: number(given.get(name, own)) for name, (key, own) in MUSCLE.items()}
+    ends = given.get("least_excitation", 0.0), given.get("largest_excitation", 1.0)
+    if ends != (0.0, 1.0):
+        law["ctrlrange"] = numbers(ends)
+    return "muscle", gear, law
 
 
 def number(value: float) -> str:

@@ -126,6 +126,7 @@ SERVO = {
     "dyntype",
     "dynprm",
     "actdim",
+    *("range", "tausmooth", "force", "scale", "lmin", "lmax", "vmax", "fpmax", "fvmax"),
 }
 
 CONSEQUENCES = {

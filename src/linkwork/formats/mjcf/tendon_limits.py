@@ -18,12 +18,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 
-from linkwork.equations.cables import way
 from linkwork.formats.mjcf.document import Document
-from linkwork.formats.mjcf.inertia import inertia, jacobians
+from linkwork.formats.mjcf.inertia import along, inertia
 from linkwork.formats.mjcf.joints import Joints
 from linkwork.formats.mjcf.tree import ModelTree
 from linkwork.formats.notes import Notes
@@ -100,14 +98,7 @@ def _mobility(line: Combination | Cable, tree: ModelTree, joints: Joints) -> flo
         for label, ratio in line.ratios.items():
             J[at[label]] += ratio
     else:
-        # Forces at the ends of its straight parts, about the origins of the bodies' frames.
-        at, moving = tree.poses(), jacobians(tree, origins=True)
-
-        def place(body: str) -> tuple[ca.SX, ca.SX]:
-            return ca.SX(at[body][:3, :3]), ca.SX(at[body][:3, 3])
-
-        for body, wrench in way(line, place).wrenches(place):
-            J += np.array(ca.DM(wrench)).ravel() @ moving[body]
+        J = along(line, tree)
     M = M + line.inertia * np.outer(J, J)
     moved, *_ = np.linalg.lstsq(M, J)
     return float(J @ moved) if np.allclose(M @ moved, J) else 0.0
