@@ -33,6 +33,11 @@ from linkwork.robot import Robot
 
 BOUNDS = ("force", "speed", "acceleration", "power")
 SETTLED, MOST_STEPS, SLOWINGS = 1e-9, 60, 20
+BETWEEN = 4  # parts of an interval of the grid at whose ends limits are verified
+PASSED, ROUNDS = 1e-9, 20  # part of a limit beyond it that is rounding; rounds of tightening
+SPARE, UNSEEN = 1.4, 2.0
+"""How much more limits are tightened than they were passed, and what is left of them for what may
+be passed between verified points, over the square of the grid's width."""
 STEP = 1e-4  # of the difference by which friction's slope is found, over s'
 RESTING = 1e-9
 """Rate of all joints at an end of a path, over its largest, below which the path rests there by
@@ -93,10 +98,11 @@ def fastest(
 ) -> TimedPath:
     """Run through a path from rest to rest in the least time that the actuators allow.
 
-    Limits hold at the points of a grid along the path, on both sides of each. Between them they may
-    be passed by what the grid does not see, and the duration is above the least one, by parts that
-    fall with the number of points (some 0.1 % and 0.3 % of 401). With more actuators than freedoms
-    the forces are those of least norm. The jerk is not limited.
+    Limits hold at the points of a grid along the path, on both sides of each, and are verified
+    within its intervals, in quarters of them: where one would be passed there, all are tightened
+    until none is. The duration is above the least one by a part that falls with the number of
+    points (some 0.1 % to 0.4 % of 401). With more actuators than freedoms the forces are those of
+    least norm. The jerk is not limited.
 
     Args:
         robot: that is led.
@@ -127,17 +133,19 @@ def fastest(
             f"the path has a corner at s = {timed.corners[0]:.4g}; give its smooth parts one by one"
         )
     shape = TimedPath(Path(timed.path.curve, uniform), 1.0, timed.names)
+    samples = BETWEEN * (points - 1) + 1
     with checks.at("run through in 1 s, "):
-        motion = follow(robot, shape, samples=points, guess=guess, keep_limits=False)
+        motion = follow(robot, shape, samples=samples, guess=guess, keep_limits=False)
     way = DrivenWay(robot, motion)
-    x = settled(way, limits.of(robot.actuators))
-    law = law_of_squares(motion.time, x)
+    x = verified(way, limits.of(robot.actuators))
+    law = law_of_squares(motion.time[::BETWEEN], x[::BETWEEN])
     return TimedPath(Path(timed.path.curve, law.law), law.duration, timed.names)
 
 
 @dataclass(frozen=True, eq=False)
 class DrivenWay:
-    """Hold a robot on a grid of a path, as a motion with s for the time."""
+    """Hold a robot along a path, as a motion with s for the time, at the points of a grid and at
+    those between."""
 
     robot: Robot
     motion: Motion
@@ -232,20 +240,57 @@ class DrivenWay:
         return Constraints(self.motion.time, a, b, c)
 
 
-def settled(way: DrivenWay, limits: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return x (points,) of the fastest law; tangents are renewed until it stays."""
+def verified(way: DrivenWay, limits: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return x (samples,) of the fastest law of the grid, linear between its points, that keeps the
+    limits between them, too."""
+    spare, x = np.zeros(len(way.motion.time)), None
+    for _ in range(ROUNDS):
+        x = settled(way, limits, spare, x)
+        beyond = passed(way.constraints(limits, x), x)
+        if not (beyond > PASSED).any():
+            return x
+        # Both ends of an interval are tightened by what is passed within, all by a little.
+        if not spare.any():
+            spare += UNSEEN * (BETWEEN / (len(spare) - 1)) ** 2
+        more = SPARE * np.maximum(beyond, 0.0)
+        spare[:-1:BETWEEN] += more
+        spare[BETWEEN::BETWEEN] = np.maximum(spare[BETWEEN::BETWEEN], spare[:-1:BETWEEN])
+    raise LinkworkError(
+        f"the limits do not come to hold between the points of the grid within {ROUNDS} rounds; "
+        "take more points"
+    )
+
+
+def passed(rows: Constraints, x: np.ndarray) -> np.ndarray:
+    """Return how far limits are passed within the intervals of the grid (points - 1,), over the
+    limits."""
+    starts = np.arange(0, len(x) - 1, BETWEEN)
+    bend = np.diff(x[::BETWEEN]) / np.diff(rows.s[::BETWEEN]) / 2
+    inside = starts[:, None] + np.arange(BETWEEN + 1)
+    left_over = rows.a[inside] * bend[:, None, None] + rows.b[inside] * x[inside][..., None]
+    return (left_over - rows.c[inside]).max(axis=(1, 2))
+
+
+def settled(
+    way: DrivenWay, limits: Mapping[str, np.ndarray], spare: np.ndarray, x: np.ndarray | None
+) -> np.ndarray:
+    """Return x (samples,) of the fastest law; tangents are renewed until it stays.
+
+    spare: part of the limits that is left at each sample; x: near the law, none if it is not known
+    """
     powered = bool(np.isfinite(limits["power"]).any())
     if powered and not any(np.isfinite(limits[kind]).any() for kind in BOUNDS[:3]):
         raise LinkworkError(
             "a power alone lets a robot at rest accelerate without limit; limit the force as well"
         )
     still = not way.rests[0], not way.rests[1]
-    x = solved(way, limits, None, still)
-    if way.smooth and not powered:
-        return x
-    x = admitted(way, limits, x, still)
+    if x is None or (way.smooth and not powered):
+        x = solved(way, limits, None, still, spare)
+        if way.smooth and not powered:
+            return x
+        x = admitted(way, limits, x, still, spare)
     for k in range(MOST_STEPS):
-        following = solved(way, limits, x, still)
+        following = solved(way, limits, x, still, spare)
         change = np.abs(following - x).max() / following.max()
         # Tangents that lead to and fro are taken half way between.
         x = following if k < MOST_STEPS // 3 else (following + x) / 2
@@ -258,13 +303,17 @@ def settled(way: DrivenWay, limits: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def admitted(
-    way: DrivenWay, limits: Mapping[str, np.ndarray], x: np.ndarray, still: tuple[bool, bool]
+    way: DrivenWay,
+    limits: Mapping[str, np.ndarray],
+    x: np.ndarray,
+    still: tuple[bool, bool],
+    spare: np.ndarray,
 ) -> np.ndarray:
     """Return x slowed until its tangents leave a law; where a power limit holds the robot against
     its weight, those at high speeds do not."""
     for _ in range(SLOWINGS):
         try:
-            solved(way, limits, x, still)
+            solved(way, limits, x, still, spare)
             return x
         except LinkworkError:
             x = x / 4
@@ -276,17 +325,22 @@ def solved(
     limits: Mapping[str, np.ndarray],
     x: np.ndarray | None,
     still: tuple[bool, bool],
+    spare: np.ndarray,
 ) -> np.ndarray:
-    """Return x of the fastest law under the tangents at x; refuse a path without one."""
+    """Return x of the fastest law of the grid under the tangents at x; refuse a path without
+    one."""
+    whole = way.constraints(limits, x)
+    a, b, c = (part[::BETWEEN] for part in (whole.a, whole.b, whole.c - spare[:, None]))
+    grid = Constraints(whole.s[::BETWEEN], a, b, c)
     try:
-        return fastest_squares(way.constraints(limits, x), still)
+        return np.interp(whole.s, grid.s, fastest_squares(grid, still))
     except NoLawError as error:
-        s = way.motion.time[error.point]
         raise LinkworkError(
-            f"at s = {s:.4g} of the path (of 1) nothing limits its speed; limit more of the "
-            "actuators"
+            f"at s = {grid.s[error.point]:.4g} of the path (of 1) nothing limits its speed; limit "
+            "more of the actuators"
             if error.unbounded
-            else f"at s = {s:.4g} of the path (of 1) {refused(way, limits, error.point)}"
+            else f"at s = {grid.s[error.point]:.4g} of the path (of 1) "
+            f"{refused(way, limits, BETWEEN * error.point)}"
         ) from None
 
 
