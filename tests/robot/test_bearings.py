@@ -381,6 +381,12 @@ def horizontal() -> lw.Mechanism:
     [
         (lambda: lw.Robot(horizontal()), "leave open what this bearing carries"),
         (lambda: lw.export.c(slider_crank(), ["step"]), "main, pin, wrist"),
+        (
+            lambda: lw.motions.fastest(
+                slider_crank(), lw.paths.circle([0, 0], 1), lw.motions.ActuatorLimits(force=1.0)
+            ),
+            "the law of the least time",
+        ),
         (lambda: lw.analysis.base_parameters(slider_crank()), "bearings, which depends on what"),
         (
             lambda: lw.analysis.actuation(slider_crank(), ["main"]).bias(slider_crank().home),

@@ -134,6 +134,7 @@ class Motion(Portrayed):
     time: (K,) [s]; state: the K states; accelerations: of the independent rates (K, n)
     joint_rates, joint_accelerations: of all joints (K, m)
     tool: the coordinates in which the tool was led (K, d) [m, rad], and what: their names
+    forces: of the actuators (K, actuators) [N, N m], where the motion was found with them
     """
 
     time: np.ndarray
@@ -143,6 +144,7 @@ class Motion(Portrayed):
     joint_accelerations: np.ndarray
     tool: np.ndarray
     what: tuple[str, ...] = ()
+    forces: np.ndarray | None = None
 
     def __repr__(self) -> str:
         count, names = len(self.time), self.state.coordinates

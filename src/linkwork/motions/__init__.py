@@ -6,6 +6,7 @@ robot that follows.
 """
 
 from linkwork.motions._fastest import ActuatorLimits, fastest
+from linkwork.motions._flat import flat
 from linkwork.motions._follow import follow
 from linkwork.motions._gcode import gcode
 from linkwork.motions.laws import (
@@ -37,6 +38,7 @@ __all__ = [
     "blended",
     "cycloidal",
     "fastest",
+    "flat",
     "follow",
     "gcode",
     "pick_and_place",

@@ -23,6 +23,7 @@ import numpy as np
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.bearing import require_no_bearings
 from linkwork.model.state import Motion, State
 from linkwork.motions._follow import follow
 from linkwork.motions.laws import Limit
@@ -117,7 +118,8 @@ def fastest(
 
     Raises:
         LinkworkError: a path with corners; a place on it that the actuators cannot keep, by its s;
-            a path on which nothing limits the speed; actuators that do not drive all freedoms.
+            a path on which nothing limits the speed; actuators that do not drive all freedoms;
+            joints with bearings.
 
     Source: Pham & Pham, IEEE Trans. Robotics 34 (2018) 645; Verscheure et al., IEEE Trans.
     Automatic Control 54 (2009) 2318.
@@ -126,6 +128,11 @@ def fastest(
         raise LinkworkError(
             f"the limits are {checks.shown(limits)}; give motions.ActuatorLimits(force=...)"
         )
+    require_no_bearings(
+        robot.mechanism.joints,
+        "the law of the least time, for which forces are linear, leaves out",
+        "find it for the robot without, with lower limits",
+    )
     points = sample_count(points, least=3)
     timed = path if isinstance(path, TimedPath) else TimedPath(path, 1.0)
     if timed.corners:

@@ -11,6 +11,7 @@ from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.model import limits
 from linkwork.model.state import Motion, State, with_positions
+from linkwork.motions._flat import flat_along, leads_links
 from linkwork.motions.timed_paths import TimedPath, sample_count
 from linkwork.robot import Robot
 
@@ -34,7 +35,8 @@ def follow(
 
     Args:
         robot: of which the path has joint coordinates by name, as many as its mobility, or those of
-            its tool (then as `Robot.follow`).
+            its tool (then as `Robot.follow`), or those of the links that motors drive through
+            springs (then as `flat`).
         timed: the path and its duration.
         samples: number of equally spaced times from 0 to T.
         guess: a state on the wanted branch, near the first point; `home` if left out.
@@ -59,8 +61,12 @@ def follow(
     samples = sample_count(samples)
     if what is not None:
         what = names_of(timed, what)
-    require_points(robot, timed, guess, what)
-    if timed.names:
+    links = bool(timed.names) and leads_links(robot, timed.names)
+    if not links:
+        require_points(robot, timed, guess, what)
+    if links:
+        motion = flat_along(robot, timed, samples, guess)
+    elif timed.names:
         motion = of_joints(robot, timed, samples, guess)
     else:
         motion = robot.follow(timed.path, timed.duration, samples=samples, guess=guess, what=what)

@@ -72,7 +72,8 @@ class Dynamics(Kinematics):
         = M v' + C v + G - f.
 
         With more actuators than freedoms these are the forces of least  sum weight_i u_i^2
-        (`internal_forces` may be added); with fewer they are not defined.
+        (`internal_forces` may be added); with fewer they are not defined, but for motions of
+        elastic joints by `linkwork.motions.flat` or `follow`, which bring the motors' with them.
 
         Args:
             motion: a state, or a `Motion` (whose own accelerations are then taken).
@@ -91,7 +92,10 @@ class Dynamics(Kinematics):
         if isinstance(motion, Motion):
             from linkwork.simulation import Sampled
 
-            forces = evaluation.actuator_forces(self, motion.state, motion.accelerations, weights)
+            forces = motion.forces
+            if forces is None:
+                state, given = motion.state, motion.accelerations
+                forces = evaluation.actuator_forces(self, state, given, weights)
             return Sampled(motion.time, forces)
         if accelerations is None:
             raise LinkworkError("give the accelerations of the independent rates with a state")
