@@ -190,6 +190,28 @@ def test_closed_is_the_assembled_configuration(name):
     np.testing.assert_allclose(np.array(J), np.array(ca.horzcat(*columns)), atol=1e-9)
 
 
+@pytest.mark.parametrize("name", ["prr3", "five_bar", "stewart", "puma560"])
+def test_joints_of_the_tool(name):
+    """Against the assembled configuration, with dq/dx = N L J^-1 (of a whole rotation in the
+    directions of the angular velocity, of which the first three coordinates have none)."""
+    robot = built(name)
+    functions = robot.functions()
+    x = robot.task_values(robot.home) + 0.02
+    state = robot.assemble(tool=x)
+    found = np.array(functions.tool_to_joints(x, robot.home.q)).ravel()
+    np.testing.assert_allclose(found, state.q, atol=1e-10)
+    f = functions.tool_to_joints.factory("J", ["x", "guess"], ["jac:q:x"])
+    J = np.array(f(x, robot.home.q))[:, :2]
+    rates = np.linalg.solve(np.array(functions.jacobian(state.q)[0]), np.eye(len(x))[:, :2])
+    columns = [functions.coordinate_rates(state.q, v)[0] for v in rates.T]
+    np.testing.assert_allclose(J, np.array(ca.horzcat(*columns)), atol=1e-8)
+
+
+def test_a_tool_that_does_not_lead_all_freedoms():
+    stiff = lw.Robot(lw.robots.delta(rod_mass=0.1, idle_spins=True)).functions()
+    assert "tool_to_joints is not defined" in stiff.missing["tool_to_joints"]
+
+
 def test_closed_fails_where_the_loops_do_not_close():
     functions = built("prr3").functions()
     with pytest.raises(RuntimeError):
@@ -263,6 +285,9 @@ def test_what_is_there_fits_a_screen():
     sizes = functions.operations
     assert sizes["gravity"] < sizes["inverse_dynamics"] < sizes["forward_dynamics"] < 500
     assert functions["gravity"] is functions.gravity and "gravity" in dir(functions)
+    assert not hasattr(functions, "motion") and "motion" not in functions
+    with pytest.raises(AttributeError, match="there is no function 'motion'; there are"):
+        _ = functions.motion
 
 
 def test_what_a_robot_lacks_is_left_out_and_said():
@@ -303,7 +328,6 @@ def test_friction_by_bristles_is_that_of_steady_sliding_and_said():
         (lambda: built("prr3").functions(7), "independent is 7; give a list of names"),
         (lambda: built("prr3").functions(built("delta").home), "another robot"),
         (lambda: built("prr3").functions()["motion"], "there is no function 'motion'; there are"),
-        (lambda: built("prr3").functions().motion, "there is no function 'motion'; there are"),
         (lambda: built("prr3").functions().save(3), "the path to save to is 3"),
         (lambda: built("prr3").functions().save("f", "gravity"), "give a list of names"),
         (lambda: built("prr3").functions().save("no/f", ["gravity"]), "cannot be written"),

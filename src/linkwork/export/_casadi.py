@@ -41,18 +41,14 @@ class CasadiFunctions(Mapping[str, ca.Function]):
     Attributes:
         name: of the robot; independent: names of v
         arrays: (name, unit) of each number of q, v, u, a, pose and x, in order, and of each column
-            of wrenches
-        parameters: values of the free numbers p by path, in order
+            of wrenches; parameters: values of the free numbers p by path, in order
         missing: the functions that the robot cannot have, and why
         notes: sentences on what acts otherwise than in a run
     """
 
     def __init__(self, robot: Robot, equations: Equations):
-        found = layouts(robot, equations)
         sticking = [strain.of for strain in strains(robot.mechanism)]
         self.name, self.independent = robot.mechanism.name, equations.independent
-        self.arrays = {name: found[own].numbers for name, own in ARRAYS.items() if own in found}
-        self.arrays["wrenches"] = tuple((name, "N m, N") for name in robot.mechanism.pairs)
         self.parameters = dict(robot.parameters)
         self.notes = (STICKS.format(", ".join(sticking)),) if sticking else ()
         self._of = robot, equations
@@ -78,7 +74,10 @@ class CasadiFunctions(Mapping[str, ca.Function]):
     def __getattr__(self, name: str) -> ca.Function:
         if name.startswith("_"):
             raise AttributeError(name)
-        return self[name]
+        try:
+            return self[name]
+        except LinkworkError as error:
+            raise AttributeError(str(error)) from None
 
     def __contains__(self, name: object) -> bool:
         return name in PARTS and name not in self.missing
@@ -91,6 +90,14 @@ class CasadiFunctions(Mapping[str, ca.Function]):
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self]
+
+    @cached_property
+    def arrays(self) -> dict[str, tuple[tuple[str, str], ...]]:
+        """The (name, unit) of each number of an array, or of each column of wrenches."""
+        found = layouts(*self._of)
+        numbers = {name: found[own].numbers for name, own in ARRAYS.items() if own in found}
+        pairs = self._of[0].mechanism.pairs
+        return numbers | {"wrenches": tuple((name, "N m, N") for name in pairs)}
 
     @cached_property
     def missing(self) -> dict[str, str]:

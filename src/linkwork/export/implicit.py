@@ -1,16 +1,25 @@
-"""The closed configuration as a function of the independent coordinates, found by Newton's method.
+"""The closed configuration as a function of the independent coordinates, or of the tool's, found by
+Newton's method.
 
-    phi(q) = 0,    q_independent = a        ->    q(a),    dq/da = N L
+    phi(q) = 0,  q_independent = a    ->    q(a),    dq/da = N L
+    phi(q) = 0,  x(q) = x             ->    q(x),    dq/dx = N L J^-1
 
 Derivatives follow from the implicit function theorem, whatever the way Newton's method took.
+Evaluating such a function fails where the method does not end.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
 from linkwork.equations import Equations
 from linkwork.errors import LinkworkError
+from linkwork.export.expressions import held_of
+from linkwork.mechanism.task import labels
+from linkwork.model.asked import ToolAsked
+from linkwork.model.task import task_of
 from linkwork.robot import Robot
 
 CLOSED = 1e-13  # residual and step in own units at which Newton's method ends
@@ -18,33 +27,59 @@ STEPS = 30  # most steps of Newton's method
 
 
 def closed(robot: Robot, equations: Equations) -> ca.Function:
-    """Return (a, guess) -> q with its loops closed, the independent coordinates a, on the branch
-    of a guess nearby; evaluating it fails where Newton's method does not end."""
-    tree, rows, chart = equations.tree, equations.rows, equations.chart
+    """Return (a, guess) -> q with its loops closed, the independent coordinates a, near a guess."""
     given = require_coordinates(robot, equations)
+    a = ca.SX.sym("a", len(given))
+    return by_newton("closed", equations, {"a": a}, given, ca.SX(0, 1))
+
+
+def tool_to_joints(robot: Robot, equations: Equations) -> ca.Function:
+    """Return (x, guess) -> q with its loops closed, the tool's task coordinates x, near a guess."""
+    require_leading(robot, equations)
+    task = task_of(robot)
+    asked = ToolAsked(task, equations.tree.length, robot.planar)
+    x = ca.SX.sym("x", len(task))
+    _, held, error = asked.expressed(equations)
+    error = ca.substitute(error, held, held_of(asked, x)) / ca.DM(asked.units)
+    return by_newton("tool_to_joints", equations, {"x": x}, [], error)
+
+
+def by_newton(
+    name: str,
+    equations: Equations,
+    asked: Mapping[str, ca.SX],
+    given: Sequence[int],
+    error: ca.SX,
+) -> ca.Function:
+    """Return (asked, guess) -> q with closed loops and no error.
+
+    asked: symbols of what is known, by its name; given: their places in q, none where they enter
+        the error alone
+    """
+    ((label, known),) = asked.items()
+    tree, rows, kept = equations.tree, equations.rows, list(equations.chart.rows)
     found = [place for place in range(equations.nq) if place not in given]
     # Residuals and unknowns in own units, as many as each other.
-    a, x, units = ca.SX.sym("a", len(given)), ca.SX.sym("x", len(found)), tree.units[found]
+    unknown, units = ca.SX.sym("unknown", len(found)), ca.DM(tree.units[found])
     q = ca.SX(equations.nq, 1)
-    q[given], q[found] = a, x * ca.DM(units)
-    kept = list(chart.rows)
-    phi = rows.phi[kept] / ca.DM(rows.units[kept])
-    residual = ca.substitute(ca.vertcat(ca.SX(0, 1), phi, *tree.norms()), tree.q, ca.densify(q))
-    p = equations.p
-    inputs, sizes = ["a", "guess"] + ["p"] * bool(p.numel()), [len(given), equations.nq, p.numel()]
-    A, guess, own = (ca.MX.sym(*each) for each in zip(["a", "guess", "p"], sizes, strict=True))
+    q[[*given, *found]] = ca.vertcat(known if given else ca.SX(0, 1), unknown * units)
+    phi = rows.phi[kept, :] / ca.DM(rows.units[kept])
+    residual = ca.substitute(ca.vertcat(phi, *tree.norms(), error), tree.q, ca.densify(q))
     # The configuration, put together in the tree's order.
-    unknown = ca.MX(0, 1)
+    p = equations.p
+    names = [label, "guess", "p"][: 3 if p.numel() else 2]
+    sizes = known.numel(), equations.nq, p.numel()
+    inputs = [ca.MX.sym(*each) for each in zip(names, sizes, strict=False)]
+    whole = [inputs[0]] if given else []
     if found:
         options = {"abstol": CLOSED, "abstolStep": CLOSED, "max_iter": STEPS}
-        problem = {"x": x, "p": ca.vertcat(a, p), "g": residual}
-        solver = ca.rootfinder("closing", "fast_newton", problem, options)
-        start = guess[found] / ca.DM(units)
-        unknown = solver(x0=start, p=ca.vertcat(A, own))["x"] * ca.DM(units)
+        problem = {"x": unknown, "p": ca.vertcat(known, p), "g": residual}
+        solver = ca.rootfinder("newton", "fast_newton", problem, options)
+        start = inputs[1][found] / units
+        whole.append(solver(x0=start, p=ca.vertcat(inputs[0], *inputs[2:]))["x"] * units)
     order = [*given, *found]
     places = [order.index(place) for place in range(equations.nq)]
-    whole = ca.vertcat(A, unknown)[places]
-    return ca.Function("closed", [A, guess, own][: len(inputs)], [whole], inputs, ["q"])
+    return ca.Function(name, inputs, [ca.vertcat(*whole)[places]], names, ["q"])
 
 
 def require_coordinates(robot: Robot, equations: Equations) -> list[int]:
@@ -58,3 +93,15 @@ def require_coordinates(robot: Robot, equations: Equations) -> list[int]:
             "free turn, which has no coordinates of its own; choose a chart without them"
         )
     return [places[name] for name in equations.independent]
+
+
+def require_leading(robot: Robot, equations: Equations) -> None:
+    """Refuse a tool whose task coordinates are not as many as freedoms."""
+    robot.require_tool()
+    task = task_of(robot)
+    if len(task) != equations.mobility:
+        raise LinkworkError(
+            f"tool_to_joints is not defined: the tool's {', '.join(labels(task))} are "
+            f"{len(task)} and the robot has {equations.mobility} freedoms; take closed, or name a "
+            "task of as many"
+        )

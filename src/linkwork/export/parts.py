@@ -17,7 +17,12 @@ from linkwork.equations.algebra import SX
 from linkwork.equations.joint_map import derivative
 from linkwork.equations.task import task_map
 from linkwork.export import expressions
-from linkwork.export.implicit import closed, require_coordinates
+from linkwork.export.implicit import (
+    closed,
+    require_coordinates,
+    require_leading,
+    tool_to_joints,
+)
 from linkwork.export.joint_wrenches import reactions
 from linkwork.model.task import task_of
 from linkwork.robot import Robot
@@ -94,6 +99,7 @@ WHOLES: Mapping[str, Make] = {
     "tool_motion": of_chart(functions.tool_motion),
     "task": task,
     "closed": closed,
+    "tool_to_joints": tool_to_joints,
     "reactions": reactions,
 }
 """The functions that parts are taken of, by name."""
@@ -208,6 +214,14 @@ PARTS: Mapping[str, CasadiPart] = {
     "tool_twist_map": CasadiPart("tool_motion", "q", "T", "its twist T v", refuse=with_tool),
     "task_values": CasadiPart(
         "task", "q", "x", "its task coordinates", weighs=False, refuse=with_task
+    ),
+    "tool_to_joints": CasadiPart(
+        "tool_to_joints",
+        "x guess",
+        "q",
+        "joints of its task coordinates",
+        weighs=False,
+        refuse=require_leading,
     ),
     "jacobian": CasadiPart("task", "q", "J", "their rates J v", refuse=with_task),
     "jacobian_rate": CasadiPart(
