@@ -5,6 +5,7 @@ import subprocess
 import sys
 import textwrap
 from functools import cache
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -288,6 +289,11 @@ def test_what_is_there_fits_a_screen():
     assert not hasattr(functions, "motion") and "motion" not in functions
     with pytest.raises(AttributeError, match="there is no function 'motion'; there are"):
         _ = functions.motion
+
+
+def test_the_how_to_names_every_function():
+    page = Path(__file__).parents[2] / "docs/howto/optimal-control.md"
+    assert not [name for name in PARTS if f"`{name}`" not in page.read_text(encoding="utf-8")]
 
 
 def test_what_a_robot_lacks_is_left_out_and_said():
