@@ -10,7 +10,7 @@ import numpy as np
 import linkwork as lw
 from linkwork.analysis import Modes, assembly_modes, workspace
 from linkwork.robots import prr3
-from linkwork.simulation.threads import usable_processors
+from linkwork.threads import usable_processors
 
 from benchmarks.table import Figure, Section
 from benchmarks.timing import Contender, interleaved, summary

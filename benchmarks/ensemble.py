@@ -16,7 +16,7 @@ from linkwork.lab.engines.mujoco import MujocoEngine, mj
 from linkwork.lab.engines.pinocchio import PinocchioEngine
 from linkwork.robots import prr3
 from linkwork.runs.ensemble import Ensemble
-from linkwork.simulation.threads import usable_processors
+from linkwork.threads import usable_processors
 
 from benchmarks import engines, runs
 from benchmarks.table import Figure, Listing, Section

@@ -22,6 +22,7 @@ from tests.house import SOURCE, modules
 STAGES = (
     "errors moved notebooks patience",
     "checks",
+    "threads",
     "solids",
     "math paths mechanism kernels",
     "equations robots",

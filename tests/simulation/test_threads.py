@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from linkwork.simulation.threads import dealt
+from linkwork.threads import dealt
 
 
 def counted(parts: int, threads: int, inside: int = 0) -> int:

@@ -24,7 +24,7 @@ from linkwork.equations import functions
 from linkwork.kernels import Kernel, compile_function
 from linkwork.model import dexterity
 from linkwork.model.closing import closed, of_any_length
-from linkwork.simulation.threads import usable_processors
+from linkwork.threads import usable_processors
 
 CHUNK = 4096
 TURN = 1.0  # largest turn of a step [rad]

@@ -17,10 +17,12 @@ from linkwork.kernels.machine import this_machine
 from linkwork.kernels.module import Module, load
 from linkwork.kernels.program import KernelError, Program, signature, trace
 from linkwork.kernels.simplify import simplify
+from linkwork.threads import crew
 
 _ONE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
 _ROWS = ctypes.CFUNCTYPE(None, ctypes.c_int64, *[ctypes.c_void_p] * 5)
 _ALIGNMENT = 64
+FEWEST = 2000  # states that are worth a thread
 _DOUBLE = np.dtype(np.float64)
 
 
@@ -131,12 +133,12 @@ class Kernel:
     def compile_seconds(self) -> float:
         return sum(module.seconds for module in self._any_modules())
 
-    def __call__(self, *arrays: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+    def __call__(self, *arrays: ArrayLike, threads: int = 1) -> tuple[NDArray[np.float64], ...]:
         """Evaluate one state or a batch of them.
 
         arrays: one for each input, of shape (..., size); the leading dimensions are broadcast
-        against each other. Returns one array for each output, of shape (..., size).  Raises
-        KernelError where a number or a shape does not fit.
+        against each other. threads: over which a large batch is dealt. Returns one array for each
+        output, of shape (..., size).  Raises KernelError where a number or a shape does not fit.
         """
         if self._last is not None and len(arrays) == len(self.inputs) - 1:
             arrays = (*arrays, self._last)
@@ -149,7 +151,7 @@ class Kernel:
         for part, array, shape in zip(x_parts, arrays, self._shapes, strict=True):
             array = np.asarray(array, dtype=np.float64)
             if array.shape != shape:
-                return self._evaluate_rows(arrays)
+                return self._evaluate_rows(arrays, threads)
             part[...] = array
         self._one(x_address, y_address)
         return tuple([part.copy() for part in y_parts])
@@ -209,21 +211,33 @@ class Kernel:
     def _names(self) -> str:
         return ", ".join(name for name, _ in self.inputs)
 
-    def _evaluate_rows(self, arrays: tuple[ArrayLike, ...]) -> tuple[NDArray[np.float64], ...]:
+    def _evaluate_rows(
+        self, arrays: tuple[ArrayLike, ...], threads: int
+    ) -> tuple[NDArray[np.float64], ...]:
         values = [np.asarray(array, dtype=np.float64) for array in arrays]
         leading = self._leading_shape(values)
         rows = [_contiguous_rows(value, leading) for value in values]
         strides = [0 if row.ndim == 1 else row.shape[-1] for row in rows]
         results = tuple([np.empty((*leading, size)) for _, size in self.outputs])
-        x, y = self._buffers.block_addresses
-        self._rows(
-            prod(leading),
-            _addresses(rows),
-            (ctypes.c_int64 * len(rows))(*strides),
-            _addresses(results),
-            x,
-            y,
-        )
+        sizes, count = [size for _, size in self.outputs], prod(leading)
+
+        def evaluate(first: int, count: int) -> None:
+            """Evaluate some of the states, by buffers of the thread that does so."""
+            self._rows(
+                count,
+                _addresses(rows, strides, first),
+                (ctypes.c_int64 * len(rows))(*strides),
+                _addresses(results, sizes, first),
+                *self._buffers.block_addresses,
+            )
+
+        parts = min(threads, count // FEWEST)
+        if parts < 2:
+            evaluate(0, count)
+            return results
+        share = -(-count // (parts * self.lanes)) * self.lanes
+        with crew(parts) as pool:
+            list(pool.map(lambda at: evaluate(at, min(share, count - at)), range(0, count, share)))
         return results
 
     def _leading_shape(self, values: list[NDArray[np.float64]]) -> tuple[int, ...]:
@@ -312,6 +326,9 @@ def _contiguous_rows(value: NDArray[np.float64], leading: tuple[int, ...]) -> ND
     return np.ascontiguousarray(np.broadcast_to(value, (*leading, value.shape[-1])))
 
 
-def _addresses(arrays: Iterable[NDArray[np.float64]]) -> ctypes.Array:
-    pointers = [array.ctypes.data for array in arrays]
+def _addresses(arrays: Iterable[np.ndarray], strides: Iterable[int], row: int) -> ctypes.Array:
+    """Return the addresses of a row of arrays, by how many doubles their rows are apart."""
+    pointers = [
+        array.ctypes.data + 8 * row * stride for array, stride in zip(arrays, strides, strict=True)
+    ]
     return (ctypes.c_void_p * len(pointers))(*pointers)

@@ -17,6 +17,7 @@ from linkwork.model import actuation, checks, undefined
 from linkwork.model.chart_transfer import chart_in, reread
 from linkwork.model.reordering import evaluated
 from linkwork.model.state import State
+from linkwork.threads import number_of
 
 if TYPE_CHECKING:
     from linkwork.model.model import Model
@@ -55,15 +56,20 @@ def in_chart(robot: Model, state: State, names: tuple[str, ...]) -> State:
     return replace(state, rates=rates, independent=names)
 
 
-def outputs(robot: Model, name: str, state: State, *given: np.ndarray) -> tuple[np.ndarray, ...]:
+def outputs(
+    robot: Model, name: str, state: State, *given: np.ndarray, threads: int = 1
+) -> tuple[np.ndarray, ...]:
     """Return what a kernel (q, given) -> (..., pivot) gives at states, in their chart and in good
     orders of elimination."""
+    chart = robot.chart_of(state)
     return evaluated(
-        robot, robot.chart_of(state), lambda chart: chart.kernel(name), state.q, *given
+        robot, chart, lambda other: other.kernel(name), state.q, *given, threads=threads
     )
 
 
-def dynamics(robot: Model, name: str, state: State, values: np.ndarray, what: str) -> np.ndarray:
+def dynamics(
+    robot: Model, name: str, state: State, values: np.ndarray, what: str, threads: int | None = 1
+) -> np.ndarray:
     """Evaluate a kernel (q, v, given) -> (..., n results, pivot); one state takes the shortest
     way."""
     kernel, q = robot.chart_of(robot.own(state)).kernel(name), state.q
@@ -75,7 +81,8 @@ def dynamics(robot: Model, name: str, state: State, values: np.ndarray, what: st
             return y[-1 - n : -1]
     else:
         checks.together(state.batch, values.shape[:-1])
-    *_, result, pivot = outputs(robot, name, state, state.rates, values)
+    share = number_of(threads)
+    *_, result, pivot = outputs(robot, name, state, state.rates, values, threads=share)
     require_regular(robot, state, pivot, result, values, what)
     return result
 
@@ -85,13 +92,14 @@ def actuator_forces(
     state: State,
     accelerations: ArrayLike | Mapping[str, ArrayLike],
     weights: ArrayLike | Mapping[str, float] | None,
+    threads: int | None = 1,
 ) -> np.ndarray:
     """Return u (..., actuators) with S' u = M v' + C v + G - f, of least weighted norm:
     `Robot.inverse_dynamics`."""
     v_dot = checks.vector(
         accelerations, "accelerations", robot.own(state).independent, "independent rate"
     )
-    f = dynamics(robot, "inverse_dynamics", state, v_dot, "accelerations")
+    f = dynamics(robot, "inverse_dynamics", state, v_dot, "accelerations", threads)
     W = 1.0 if weights is None else actuator_weights(robot, weights)
     if state.independent == robot.actuators:
         return f

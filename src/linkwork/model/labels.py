@@ -194,12 +194,13 @@ class Labels:
         The latter is positive, in the mechanism's own units, and leaves out whole turns that act on
         nothing. A quaternion may have any length and either sign.
         """
-        compared = self.chart.compiled("compared", lambda _: self._comparison())
+        compared = self.chart.compiled("compared", lambda _: self.comparison)
         windings, mismatch = compared(given, read)
         return windings, mismatch
 
-    def _comparison(self) -> ca.Function:
-        """Return (given, read) -> windings, mismatch."""
+    @property
+    def comparison(self) -> ca.Function:
+        """The function (given, read) -> windings, mismatch of `compared`."""
         given, read = (ca.SX.sym(name, self.angular.size) for name in ("given", "read"))
         meant, windings = ca.SX(given), ca.SX.zeros(self.angular.size)
         for places in self.all_quaternions.values():

@@ -17,9 +17,11 @@ from linkwork.model.assembly import OPEN_LOOPS, UnreachableError
 from linkwork.model.closing import settled
 from linkwork.model.labels import Labels
 from linkwork.model.leading import Leader
+from linkwork.model.stacks import undoubted
 from linkwork.model.state import Motion, State, with_positions
 from linkwork.model.turning import turned
 from linkwork.paths import Path
+from linkwork.threads import number_of
 
 if TYPE_CHECKING:
     from linkwork.model.model import Model
@@ -32,11 +34,24 @@ Placed = tuple[list[int], np.ndarray] | None
 
 
 def state(
-    robot: Model, positions: ArrayLike | Mapping[str, ArrayLike], rates: Rates, tolerance: float
+    robot: Model,
+    positions: ArrayLike | Mapping[str, ArrayLike],
+    rates: Rates,
+    tolerance: float,
+    threads: int | None = 1,
 ) -> State:
     """Make a state from the coordinates of all joints: `Robot.state`."""
-    given = checks.values_by_name(positions, robot.coordinates, "positions", "joint coordinate")
     checks.positive(tolerance, "the tolerance")
+    told = undoubted(robot, positions, tolerance, number_of(threads))
+    if told is not None:
+        v = np.zeros(robot.mobility) if rates is None else independent_rates(robot, rates, told.q)
+        batch = checks.together(told.q.shape[:-1], v.shape[:-1])
+        read, v, q = (
+            np.ascontiguousarray(np.broadcast_to(x, (*batch, x.shape[-1])))
+            for x in (told.read, v, told.q)
+        )
+        return State(read, v, q, robot.coordinates, robot.independent)
+    given = checks.values_by_name(positions, robot.coordinates, "positions", "joint coordinate")
     q = of_tree(robot, given)
     closure_step = robot.kernel("closure_step")
     gap = closure_step(q)[1][..., 0]

@@ -46,6 +46,7 @@ def evaluated(
     chart: CompiledChart,
     kernel: Callable[[CompiledChart], Kernel],
     *given: np.ndarray,
+    threads: int = 1,
 ) -> tuple[np.ndarray, ...]:
     """Return what a chart's kernel gives (..., size), its last output the pivot (..., 1), in good
     orders where its own is weak.
@@ -53,8 +54,9 @@ def evaluated(
     Args:
         kernel: returns the kernel of a chart.
         given: its inputs (..., size): q, others, and p if it is not the robot's.
+        threads: over which stacks are dealt.
     """
-    found = kernel(chart)(*given)
+    found = kernel(chart)(*given, threads=threads)
     pivot = found[-1]
     if checks.weakest(pivot) > checks.PIVOT_BOUND:
         return found

@@ -27,7 +27,11 @@ class Dynamics(Kinematics):
     linearised, with energies and reactions (paper, Eqs. (9)-(12))."""
 
     def forward_dynamics(
-        self, state: State, forces: ArrayLike | Mapping[str, ArrayLike]
+        self,
+        state: State,
+        forces: ArrayLike | Mapping[str, ArrayLike],
+        *,
+        threads: int | None = 1,
     ) -> np.ndarray:
         """Return the accelerations of the independent rates, v' = M^-1 (S' u + f - C v - G)
         (paper, Eq. (9)).
@@ -36,6 +40,7 @@ class Dynamics(Kinematics):
             state: configuration and rates.
             forces: u of the actuators (..., actuators) [N, N m], in the order of `actuators`, or by
                 name (others zero).
+            threads: over which large stacks are dealt; None: all processors.
 
         Returns:
             v' (..., n) [m/s^2, rad/s^2], in the order of the state's `independent`.
@@ -45,7 +50,7 @@ class Dynamics(Kinematics):
                 rates do not determine the motion.
         """
         u = checks.actuator_forces(forces, self.actuators)
-        return evaluation.dynamics(self, "motion", state, u, "forces")
+        return evaluation.dynamics(self, "motion", state, u, "forces", threads)
 
     @overload
     def inverse_dynamics(
@@ -54,11 +59,17 @@ class Dynamics(Kinematics):
         accelerations: ArrayLike | Mapping[str, ArrayLike],
         *,
         weights: Weights = None,
+        threads: int | None = 1,
     ) -> np.ndarray: ...
 
     @overload
     def inverse_dynamics(
-        self, motion: Motion, accelerations: None = None, *, weights: Weights = None
+        self,
+        motion: Motion,
+        accelerations: None = None,
+        *,
+        weights: Weights = None,
+        threads: int | None = 1,
     ) -> Sampled: ...
 
     def inverse_dynamics(
@@ -67,6 +78,7 @@ class Dynamics(Kinematics):
         accelerations: ArrayLike | Mapping[str, ArrayLike] | None = None,
         *,
         weights: Weights = None,
+        threads: int | None = 1,
     ) -> np.ndarray | Sampled:
         """Return the actuator forces that a state and accelerations, or a whole motion, need: S' u
         = M v' + C v + G - f.
@@ -80,6 +92,7 @@ class Dynamics(Kinematics):
             accelerations: v' (..., n) [m/s^2, rad/s^2] in the order of the state's `independent`,
                 with a state.
             weights: of the actuators (positive), in their order or by name; all 1 if left out.
+            threads: over which large stacks are dealt; None: all processors.
 
         Returns:
             u (..., actuators) [N, N m]; for a motion a `Sampled` signal over its times, to simulate
@@ -95,11 +108,11 @@ class Dynamics(Kinematics):
             forces = motion.forces
             if forces is None:
                 state, given = motion.state, motion.accelerations
-                forces = evaluation.actuator_forces(self, state, given, weights)
+                forces = evaluation.actuator_forces(self, state, given, weights, threads)
             return Sampled(motion.time, forces)
         if accelerations is None:
             raise LinkworkError("give the accelerations of the independent rates with a state")
-        return evaluation.actuator_forces(self, motion, accelerations, weights)
+        return evaluation.actuator_forces(self, motion, accelerations, weights, threads)
 
     def actuation(self, state: State) -> np.ndarray:
         """Return S (..., actuators, n): the actuated rates are S v, and forces u of the actuators

@@ -167,6 +167,7 @@ class Robot(Dynamics, Portrayed):
         rates: ArrayLike | Mapping[str, ArrayLike] | None = None,
         *,
         tolerance: float = OPEN_LOOPS,
+        threads: int | None = 1,
     ) -> State:
         """Make a state from the coordinates of all joints.
 
@@ -176,11 +177,12 @@ class Robot(Dynamics, Portrayed):
                 independent ones, the others zero, or n of any joints; zero if left out.
             tolerance: largest gap of a loop, over the mechanism's own length, or rad; what is open
                 by less is closed exactly by moving the dependent joints.
+            threads: over which large stacks are dealt; None: all processors.
 
         Raises:
             LinkworkError: wrong shapes or names, numbers that are not finite, loops that are open.
         """
-        return posing.state(self, positions, rates, tolerance)
+        return posing.state(self, positions, rates, tolerance, threads)
 
     def assemble(
         self,

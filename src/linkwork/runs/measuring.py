@@ -12,7 +12,7 @@ from linkwork.runs.members import Members
 from linkwork.runs.quantities import SavedQuantity, axes_of
 from linkwork.runs.saved_rows import SavedRows, blended
 from linkwork.runs.saved_states import Aim, Over, SavedStates
-from linkwork.simulation.threads import usable_processors
+from linkwork.threads import usable_processors
 
 BLOCK = 16384  # saved states that are looked at at a time
 

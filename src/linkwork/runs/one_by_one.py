@@ -19,7 +19,7 @@ from linkwork.runs.passage import Passage, Segment, Stand
 from linkwork.runs.recording import ending, statistics
 from linkwork.runs.settings import Settings
 from linkwork.simulation import Statistics, Status
-from linkwork.simulation.threads import dealt, usable_processors
+from linkwork.threads import dealt, usable_processors
 
 CHUNKS_PER_THREAD = 16
 Progress = Callable[[int, int], None]

@@ -29,8 +29,8 @@ from linkwork.simulation.integration import (
 from linkwork.simulation.signals import Sampled, Signal, as_signal
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE, Tableau
-from linkwork.simulation.threads import dealt, usable_processors
 from linkwork.simulation.turns import Turning
+from linkwork.threads import dealt, usable_processors
 
 LARGEST_CHUNK = 2048
 CHUNKS_PER_THREAD = 4

@@ -26,7 +26,6 @@ from linkwork.runs.settings import Settings
 from linkwork.runs.side_by_side import Stands, begun, in_better_charts, pivots
 from linkwork.runs.system import require_starts
 from linkwork.simulation import RK4, Status
-from linkwork.simulation.threads import crew, usable_processors
 from linkwork.simulation.turns import whole
 from linkwork.simulation.vectors import LANES
 from linkwork.stepping.native_many import (
@@ -45,6 +44,7 @@ from linkwork.stepping.native_many import (
     steps,
 )
 from linkwork.stepping.stepper import ROUNDING, Stepper, is_free, require_room
+from linkwork.threads import crew, usable_processors
 
 if TYPE_CHECKING:
     from linkwork.control import Drive, Wrench

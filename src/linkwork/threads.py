@@ -7,7 +7,14 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 
+from linkwork.checks import count
+
 GLANCE = 0.05  # time between two looks at how far the threads are [s]
+
+
+def number_of(threads: object) -> int:
+    """Return how many threads are asked for: all processors for None; refuse what is no number."""
+    return usable_processors() if threads is None else count(threads, "threads")
 
 
 def usable_processors() -> int:

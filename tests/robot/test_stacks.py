@@ -1,0 +1,94 @@
+"""Large stacks: states, forward and inverse dynamics as of each alone, over threads or not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.model.stacks import undoubted
+
+from tests.catalogue import built
+
+N = 5000
+
+
+def moved(robot: lw.Robot) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates of all joints along a run, and rates, N of each."""
+    start = robot.home.with_rates(0.4 * np.ones(robot.mobility))
+    run = robot.simulate(start, duration=0.1, samples=50)
+    rates = np.random.default_rng(5).normal(size=(N, robot.mobility))
+    return np.tile(run["joint_position"].values, (N // 50, 1)), rates
+
+
+@pytest.mark.parametrize("name", ["prr3", "five_bar", "bricard", "delta"])
+def test_a_stack_is_made_of_states_of_their_own(name):
+    """The first three at one go; where joints were added to the tree, step by step."""
+    robot = built(name)
+    positions, rates = moved(robot)
+    states = robot.state(positions, rates)
+    assert (undoubted(robot, positions, 1e-6, 1) is None) == (name == "delta")
+    assert states.batch == (N,)
+    for i in (0, 7, N - 1):
+        alone = robot.state(positions[i], rates[i])
+        for part in ("q", "positions", "rates"):
+            np.testing.assert_allclose(
+                getattr(states, part)[i], getattr(alone, part), rtol=1e-14, atol=1e-14
+            )
+    assert not np.shares_memory(states.rates, rates)
+    assert not np.shares_memory(states.positions, positions)
+    dealt = robot.state(positions, rates, threads=2)
+    np.testing.assert_array_equal(dealt.q, states.q)
+    np.testing.assert_array_equal(dealt.positions, states.positions)
+
+
+def test_what_is_doubted_goes_the_longer_way():
+    """Whole turns, small gaps, contradictions and what is no number."""
+    robot = built("four_bar")
+    positions, rates = moved(robot)
+    assert undoubted(robot, positions, 1e-6, 1) is not None
+    turned, gaping, wrong, unknown = (positions.copy() for _ in range(4))
+    rocker = robot.coordinates.index("rocker_pivot")
+    turned[3, rocker] += 2 * np.pi
+    gaping[2, 0] += 1e-8
+    wrong[4, rocker] += 0.3
+    unknown[5, 1] = np.nan
+    for given in (turned, gaping, wrong, unknown):
+        assert undoubted(robot, given, 1e-6, 1) is None
+    np.testing.assert_allclose(robot.state(turned).positions, turned, atol=1e-12)
+    assert robot.closure_error(robot.state(gaping)).max() < 1e-12
+    with pytest.raises(lw.LinkworkError, match=r"the loops of state 4 are open|'rocker_pivot'"):
+        robot.state(wrong)
+    with pytest.raises(lw.LinkworkError, match=r"positions\[5, 1\] is nan"):
+        robot.state(unknown)
+    with pytest.raises(lw.LinkworkError, match="stacks of the shapes"):
+        robot.state(positions, rates[:7])
+
+
+@pytest.mark.parametrize("threads", [2, 3, None])
+def test_threads_change_nothing(threads):
+    robot = built("prr3")
+    positions, rates = moved(robot)
+    states, u = robot.state(positions, rates), rates[::-1].copy()
+    v_dot = robot.forward_dynamics(states, u)
+    np.testing.assert_array_equal(robot.forward_dynamics(states, u, threads=threads), v_dot)
+    np.testing.assert_array_equal(
+        robot.forward_dynamics(states, [1.0, 0.0, 2.0], threads=threads),
+        robot.forward_dynamics(states, [1.0, 0.0, 2.0]),
+    )
+    found = robot.inverse_dynamics(states, v_dot, threads=threads)
+    np.testing.assert_array_equal(found, robot.inverse_dynamics(states, v_dot))
+    np.testing.assert_allclose(found, u, atol=1e-10)
+
+
+def test_what_is_no_number_of_threads():
+    robot = built("prr3")
+    positions, rates = moved(robot)
+    states = robot.state(positions)
+    for call in (
+        lambda: robot.state(positions, threads=0),
+        lambda: robot.forward_dynamics(states, rates, threads=0),
+        lambda: robot.inverse_dynamics(states, rates, threads=0),
+    ):
+        with pytest.raises(lw.LinkworkError, match="threads is 0; give a whole number, at least 1"):
+            call()
