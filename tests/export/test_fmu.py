@@ -16,7 +16,7 @@ from tests.export.fmus import Instance
 
 BODY = lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.2, zz=0.3))
 FREE = lw.FreeJoint(connects=("ground", "body"))
-EVERYTHING = ["positions", "rates", "accelerations", "tool", "twist", "closure"]
+EVERYTHING = ["positions", "rates", "accelerations", "tool", "twist", "reactions", "closure"]
 KINDS = ("CoSimulation", "ModelExchange")
 
 
@@ -161,6 +161,20 @@ def test_directional_derivatives_are_exact(name, folder):
     assert worst_tangent(one) < 1e-6
 
 
+@pytest.mark.parametrize("name", ["prr3", "bennett"])
+def test_reactions_are_those_of_the_robot(name, folder):
+    """In a plane and in a loop that has more constraints than it needs, where the least wrenches
+    are told."""
+    robot = built(name)
+    one = Instance(fmus.built(own(name), folder))
+    u, v = (np.linspace(low, 1.5, robot.mobility) for low in (1.0, 0.4))
+    given = {f"force__{each}": x for each, x in zip(robot.actuators, u, strict=True)}
+    one.go(**given, **{f"start_rate__{a}": x for a, x in zip(robot.independent, v, strict=True)})
+    found = one.get(*(name for name in one.names if name.startswith("reaction.")))
+    expected = robot.reactions(robot.home.with_rates(v), u).wrenches.ravel()
+    np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
+
+
 def test_derivatives_hold_the_linearised_motion(folder):
     """The eigenvalues of the derivatives are those of the robot's linearised motion, and zero for
     the states that follow from others."""
@@ -268,10 +282,16 @@ def lengths(name: str) -> list[str]:
 
 def test_derivatives_along_parameters(folder):
     robot = built("five_bar").free("gravity.y", *lengths("five_bar"))
-    one = Instance(fmus.built(export(robot, outputs=["positions", "accelerations"]), folder))
+    one = Instance(
+        fmus.built(export(robot, outputs=["positions", "accelerations", "reactions"]), folder)
+    )
     one.go(**{f"start_rate__{each}": 0.3 for each in robot.independent})
     names = [each for each in one.names if each.startswith("parameter.")]
-    told = [each for each in one.names if each.startswith(("joint.", "der(", "acceleration."))]
+    told = [
+        each
+        for each in one.names
+        if each.startswith(("joint.", "der(", "acceleration.", "reaction."))
+    ]
     one.own.enterEventMode()
     for name, h in zip(names, (1e-5, 1e-7), strict=True):
         value = one.get(name)[0]

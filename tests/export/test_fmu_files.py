@@ -114,6 +114,13 @@ def test_robots_that_cannot_be_exported_are_refused(tmp_path):
     robot = lw.Robot(lw.Mechanism(name="arm", bodies={"body": body}, joints={"hinge": hinge}))
     with pytest.raises(lw.LinkworkError, match=r"sticks by bristles.*hinge"):
         lw.export.fmu(robot)
+    bearing = lw.JournalBearing(friction=lw.Sliding(coefficient=0.3, rate=1e-3), radius=0.02)
+    hinge = lw.RevoluteJoint(connects=("ground", "body"), bearing=bearing)
+    robot = lw.Robot(lw.Mechanism(name="arm", bodies={"body": body}, joints={"hinge": hinge}))
+    with pytest.raises(
+        lw.LinkworkError, match=r"an FMU leaves out the friction of bearings.*hinge"
+    ):
+        lw.export.fmu(robot)
     export = lw.export.fmu(built("pendulum"), platforms=())
     with pytest.raises(lw.LinkworkError, match=r"an FMU ends in .fmu, not '.zip'"):
         export.write(tmp_path / "a.zip")

@@ -119,8 +119,8 @@ def export(
         str | None,
         typer.Option(
             metavar="KINDS",
-            help="FMU: of positions,rates,accelerations,tool,twist,closure; "
-            "all but accelerations and twist if left out.",
+            help="FMU: of positions,rates,accelerations,tool,twist,reactions,closure; "
+            "positions,rates,tool,closure if left out.",
         ),
     ] = None,
     platforms: Annotated[

@@ -92,8 +92,9 @@ def fmu(
         robot: the robot; what is free of it (`Robot.free`) can be tuned.
         version: of FMI, "3.0" or "2.0".
         outputs: what is told: some of "positions", "rates", "accelerations" (of all joints), "tool"
-            (its pose), "twist" (of the tool), "closure" (the largest gap of the loops); positions,
-            rates, tool and closure if left out.
+            (its pose), "twist" (of the tool), "reactions" (the wrenches in all joints, in the
+            ground's axes about the origins of the first frames), "closure" (the largest gap of the
+            loops); positions, rates, tool and closure if left out.
         platforms: that binaries are built for: some of "x86_64-linux", "aarch64-linux",
             "x86_64-windows"; all that a compiler is found for if left out. () gives sources alone.
         name: the model identifier; made of the robot's name if left out.
@@ -130,7 +131,7 @@ def fmu(
     if version == "3.0":
         files["sources/buildDescription.xml"] = build_description(own)
     files |= {f"sources/{path}": text.encode() for path, text in texts.items()}
-    notes += [*can.notes, *known.notes, *undriven(robot)]
+    notes += [*can.notes, *known.notes, *undriven(robot), *wrapped(robot, kinds)]
     return FmuExport(
         own, version, files, tuple(each.name for each in known.all), tuple(compilers), tuple(notes)
     )
@@ -152,5 +153,23 @@ def undriven(robot: Robot) -> list[str]:
     return (
         [f"the drives of {described} are no part of the FMU: its inputs are the forces"]
         if described
+        else []
+    )
+
+
+def wrapped(robot: Robot, kinds: Sequence[str]) -> list[str]:
+    """Return a sentence on coordinates that are read off others, which leave whole turns open."""
+    tree = robot.equations.tree.coordinates
+    read = [
+        name
+        for name in robot.coordinates
+        if "positions" in kinds and name not in tree and robot.unit(name) != "m"
+    ]
+    return (
+        [
+            f"the coordinates {', '.join(read)} of joints that close loops are told within a turn, "
+            "quaternions but for their sign"
+        ]
+        if read
         else []
     )

@@ -17,6 +17,7 @@ as by `Robot.reactions`:
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -51,19 +52,12 @@ def reactions(robot: Robot, equations: Equations) -> ca.Function:
     dv = bearings.accelerations(equations, ca.mtimes(equations.actuation.T, u), u)
     still = SX.zeros(6 * len(robot.bodies))
     *loads, pivot = joint_loads(equations)(q, v, dv, u, SX(0, 1), still, p)
-    length, joints, bodies = spread(robot), len(equations.mechanism.pairs), len(robot.bodies)
-    unit = ca.DM([length] * 3 + [1] * 3)
-    needed, centres, origins, twists, f = loads
-    rates = f.numel()
-    scaled = ScaledLoads(
-        needed / ca.repmat(unit, bodies, 1),
-        centres / length,
-        origins / length,
-        twists * ca.repmat(unit, rates, 1),
-        f,
-    )
+    joints, origins = len(equations.mechanism.pairs), loads[2]
+    length = spread(robot)
+    scaled = scaled_loads(loads, length)
     # The system, and its unknowns as wrenches about the origins of F1.
-    E, K, right = system(equations, scaled)
+    E, K, right = system(equations, scaled, equations.independent)
+    unit = units(length)
     inputs, names = [q, v, u, p], ["q", "v", "u", "p"]
     parts = ca.Function(
         "balance",
@@ -81,9 +75,29 @@ def reactions(robot: Robot, equations: Equations) -> ca.Function:
     return ca.Function("reactions", given, outputs, names[:used], ["wrenches", "pivot"])
 
 
-def system(equations: Equations, loads: ScaledLoads) -> tuple[ca.SX, ca.SX, ca.SX]:
+def units(length: float) -> ca.DM:
+    """Return what the parts of a wrench are multiplied with where lengths are over one length."""
+    return ca.DM([length] * 3 + [1] * 3)
+
+
+def scaled_loads(loads: Sequence[ca.SX], length: float) -> ScaledLoads:
+    """Return loads of `equations.reactions` with lengths over one length."""
+    needed, centres, origins, twists, f = loads
+    unit = units(length)
+    return ScaledLoads(
+        needed / ca.repmat(unit, needed.numel() // 6, 1),
+        centres / length,
+        origins / length,
+        twists * ca.repmat(unit, twists.numel() // 6, 1),
+        f,
+    )
+
+
+def system(
+    equations: Equations, loads: ScaledLoads, without: Collection[str]
+) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return E (6J x unknowns) of the joints' wrenches E y, about the origins of F2, and the matrix
-    and the right side of the equations in (y, mu, nu)."""
+    and the right side of the equations in (y, mu, nu), but for those along some rates."""
     mechanism = equations.mechanism
     pairs, gears = mechanism.pairs, mechanism.gears.values()
     labels = mechanism.rates
@@ -104,7 +118,7 @@ def system(equations: Equations, loads: ScaledLoads) -> tuple[ca.SX, ca.SX, ca.S
         for label, ratio in gear.ratios.items():
             G[row, labels.index(label)] = ratio
     # The balance of bodies, and along all rates but the independent ones.
-    left = [k for k, label in enumerate(labels) if label not in equations.independent]
+    left = [k for k, label in enumerate(labels) if label not in without]
     C = ca.vertcat(
         ca.horzcat(
             on_bodies(equations, loads.centres, origins) @ E,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from linkwork.errors import LinkworkError
 from linkwork.export.calls import CALLS, Call, needed_programs
+from linkwork.export.fmi.balance import JointBalance
 from linkwork.export.fmi.programs import programs
 from linkwork.export.fmi.variables import FmuVariables
 from linkwork.export.header import STATUS, header_text, safe
@@ -17,6 +18,8 @@ from linkwork.export.source import listed, source_text, words
 from linkwork.export.statements import Dialect
 from linkwork.export.templates import filled
 from linkwork.kernels.program import Program
+from linkwork.mechanism.bearing import require_no_bearings
+from linkwork.mechanism.sticking import strains
 from linkwork.robot import Robot
 
 DIALECT = Dialect()
@@ -47,6 +50,7 @@ def abilities(robot: Robot) -> Abilities:
         raise LinkworkError(
             f"{robot.mechanism.name} has no freedom to move, so that there is nothing to simulate"
         )
+    require_smooth_friction(robot)
     found: dict[str, Program] = {}
     calls, notes = [], []
     for name in ("kinematics", "tool_to_joints", "project", "start", "step"):
@@ -65,6 +69,21 @@ def abilities(robot: Robot) -> Abilities:
     )
 
 
+def require_smooth_friction(robot: Robot) -> None:
+    """Refuse friction that depends on what joints carry, or has states of its own."""
+    require_no_bearings(
+        robot.mechanism.joints,
+        "an FMU leaves out",
+        "export the robot without it, or write it as C and integrate motion, which has it",
+    )
+    sticking = [strain.of for strain in strains(robot.mechanism)]
+    if sticking:
+        raise LinkworkError(
+            "an FMU leaves out friction that sticks by bristles, which have states of their own: "
+            f"{', '.join(sticking)}; give this friction without a bristle"
+        )
+
+
 def sources(
     robot: Robot, version: str, known: FmuVariables, can: Abilities, kinds: Sequence[str]
 ) -> dict[str, str]:
@@ -72,21 +91,31 @@ def sources(
 
     kinds: of outputs
     """
+    # The programs of the model, and those of the balance of the joints.
     free, closed = bool(robot.parameters), robot.mobility < robot.equations.nv
     arrays, fields = layouts(robot), identifiers(robot.parameters)
-    own = {name: part.program(robot, free) for name, part in programs(robot, kinds).items()}
+    balance = JointBalance(robot) if "reactions" in kinds else None
+    parts = {**programs(robot, kinds), **(balance.programs if balance else {})}
+    own = {name: part.program(robot, free) for name, part in parts.items()}
+    rows, columns = balance.places if balance else ([], [])
+    # What stands in place of words in the pieces of C.
     numbers = [each for each in known.all if each.role != "switch"]
     given = words(robot, free) | {
         "WITHFREE": "" if free else "//",
         "BYTOOL": "" if can.by_tool else "//",
         "BYJOINTS": "//" if can.by_tree else "",
         "BYTREE": "" if can.by_tree else "//",
-        "PLACES": places(known),
+        "REACTING": "" if balance else "//",
+        "BALANCE_ROWS": ", ".join(map(str, rows)),
+        "BALANCE_COLUMNS": ", ".join(map(str, columns)),
+        "PLACES": places(known, balance.size if balance else 0, len(rows)),
         "START_VALUES": listed([each.start or 0.0 for each in numbers], DIALECT),
         "MEANINGS": ",\n".join(f'        "{says}"' for _, says in STATUS),
         "NAMES": ",\n".join(f'    "{safe(each.name)}"' for each in numbers),
     }
+    # The files.
     pieces = ["fmu_opening.c", *["fmu_given.c"] * free, *["fmu_other_charts.c"] * closed]
+    pieces += ["fmu_reactions.c"] * (balance is not None)
     model = "\n".join(filled(piece, DIALECT, given) for piece in (*pieces, "fmu_model.c"))
     equations = source_text(
         robot, DIALECT, arrays, can.calls, can.programs | own, fields, (), model
@@ -99,10 +128,11 @@ def sources(
     return {"LW_FILE.h": header, "LW_FILE.c": equations, **found}
 
 
-def places(known: FmuVariables) -> str:
-    """Return where the groups of values begin, and how many numbers those have that only an FMU
-    has."""
+def places(known: FmuVariables, unknowns: int, filled_in: int) -> str:
+    """Return where the groups of values begin, how many numbers those have that only an FMU has,
+    and of the balance of reactions how many unknowns there are and numbers that may not be zero."""
     lines = [f"    LW_AT_{group} = {place}" for group, place in known.places.items()]
-    lines += [f"    LW_{group} = {known.counts[group]}" for group in ("TOLD", "APART")]
+    lines += [f"    LW_{group} = {known.counts[group]}" for group in ("TOLD", "APART", "REACTIONS")]
+    lines += [f"    LW_UNKNOWNS = {unknowns}", f"    LW_FILLED = {filled_in}"]
     total = sum(known.counts.values())
     return ",\n".join([*lines, f"    LW_VALUES = {total}", f"    LW_AT_START_AT_TOOL = {total}"])

@@ -19,6 +19,7 @@ from linkwork.mechanism.joints import TURN
 from linkwork.mechanism.limits import meeting_name
 from linkwork.mechanism.parameter_units import unit_of_parameter
 from linkwork.model.checks import names
+from linkwork.model.reactions import COMPONENTS
 from linkwork.model.task import task_of, values
 from linkwork.robot import Robot
 
@@ -28,13 +29,15 @@ KINDS: Mapping[str, str] = {
     "accelerations": "accelerations of all joints",
     "tool": "pose of the tool",
     "twist": "twist of the tool: angular velocity, then velocity of its origin, in ground's axes",
+    "reactions": "wrenches [moment; force] that joints exert on their second bodies, in the "
+    "ground's axes about the origins of the first frames",
     "apart": "how far what may meet is apart, negative where it presses",
     "closure": "largest gap of the loops, lengths over the mechanism's own",
 }
 """What an FMU tells: "apart" is no output to ask for, but what events are found by."""
 OFFERED = tuple(kind for kind in KINDS if kind != "apart")
 USUAL = ("positions", "rates", "tool", "closure")
-DIRECT = ("accelerations",)
+DIRECT = ("accelerations", "reactions")
 """What depends on the inputs at the same time."""
 CONTACT = meeting_name("").removeprefix(": ")
 QUOTED = re.compile(r"[A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]+")
@@ -136,10 +139,11 @@ def variables(robot: Robot, kinds: Sequence[str], by_tree: bool, by_tool: bool) 
             for state in groups[place]
         ]
     everything = list(told(robot, arrays, own, [kind for kind in kinds if kind != "closure"]))
-    groups["TOLD"] = [each for each in everything if each.kind != "apart"]
+    groups["TOLD"] = [each for each in everything if each.kind not in ("apart", "reactions")]
     groups["APART"] = [replace(each, role="local") for each in everything if each.kind == "apart"]
     role = "output" if "closure" in kinds else "local"
     groups["GAP"] = [FmuVariable("closure_error", role, "1", KINDS["closure"], kind="closure")]
+    groups["REACTIONS"] = [each for each in everything if each.kind == "reactions"]
     # Their places.
     places, count = {}, 0
     for place, found in groups.items():
@@ -165,6 +169,14 @@ def told(
         "accelerations": ("acceleration", [(name, per_second(unit)) for name, unit in rates]),
         "tool": ("tool", arrays["POSE"].numbers),
         "twist": ("twist", twist),
+        "reactions": (
+            "reaction",
+            [
+                (f"{joint}.{part}", "N m" if part.startswith("moment") else "N")
+                for joint in robot.mechanism.pairs
+                for part in COMPONENTS
+            ],
+        ),
         "apart": ("apart", [(name, gap_unit(robot, name)) for name in robot.equations.gaps]),
     }
     for kind in kinds:

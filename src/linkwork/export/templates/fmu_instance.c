@@ -196,6 +196,7 @@ int lw_get(lw_instance *instance, const uint32_t *places, size_t count, double *
 {
     size_t k;
     int status = LW_FMI_OK;
+REACTING    int are_known = 0;
     for (k = 0; k < count; ++k) {
         if (places[k] >= LW_VALUES) {
             return lw_fails(instance, LW_FMI_ERROR, "there is no number of this reference", "");
@@ -203,6 +204,13 @@ int lw_get(lw_instance *instance, const uint32_t *places, size_t count, double *
         if (places[k] >= LW_AT_Q && status == LW_FMI_OK) {
             status = lw_known(instance);
         }
+REACTING        if (places[k] >= LW_AT_REACTIONS && status == LW_FMI_OK && !are_known) {
+REACTING            status = lw_outcome(
+REACTING                instance,
+REACTING                lw_model_react(&instance->model, &instance->work),
+REACTING                "there are no reactions:");
+REACTING            are_known = 1;
+REACTING        }
         values[k] = instance->model.values[places[k]];
     }
     return status;
@@ -376,7 +384,7 @@ int lw_derivative(
         return status;
     }
     status = lw_outcome(
-        instance, lw_model_tangent(&instance->model, all, tangent), "there is no derivative:");
+        instance, lw_model_tangent(&instance->model, &instance->work, all, tangent), "there is no derivative:");
     for (k = 0; k < unknown_count; ++k) {
         if (unknowns[k] >= LW_VALUES) {
             return lw_fails(instance, LW_FMI_ERROR, "there is no number of this reference", "");

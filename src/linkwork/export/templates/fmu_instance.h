@@ -36,6 +36,7 @@ typedef void (*lw_told)(void *callback, const char *name, int status, const char
 
 typedef struct lw_instance {
     lw_model model;
+    lw_work work;
     int is_me;
     int mode;
     char *name;

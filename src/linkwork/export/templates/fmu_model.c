@@ -255,7 +255,8 @@ WITHFREE    const lw_parameters given = lw_given(values), *p = &given;
     return status == LW_OK ? chosen : status;
 }
 
-lw_status lw_model_tangent(const lw_model *model, const lw_real *seeds, lw_real *found)
+lw_status lw_model_tangent(
+    const lw_model *model, lw_work *work, const lw_real *seeds, lw_real *found)
 {
     const lw_real *values = model->values, *q = model->closed_q, *w = model->closed_w;
     const lw_real *su = seeds + LW_AT_U, *sp = seeds + LW_AT_P;
@@ -299,6 +300,10 @@ OTHERWISE    }
         found + LW_AT_TOLD);
     lw_gap_tangent_code(
         values + LW_AT_Q, seeds + LW_AT_Q, sp WITH_P, found + LW_AT_GAP);
+REACTING    if (status == LW_OK) {
+REACTING        status = lw_reaction_tangent(model, work, seeds, tq, tw WITH_P, found);
+REACTING    }
+    (void)work;
     if (status == LW_OK && !lw_finite(found + LW_AT_DQ, LW_VALUES - LW_AT_DQ)) {
         status = LW_NOT_FINITE;
     }

@@ -33,6 +33,14 @@ typedef struct lw_model {
     int32_t known;
 } lw_model;
 
+/* What reactions are found with: rooms that last no longer than a call. */
+typedef struct lw_work {
+    lw_real K[LW_FILLED + 1];
+    lw_real A[LW_UNKNOWNS + 1][LW_UNKNOWNS + 1];
+    lw_real right[LW_UNKNOWNS + 1];
+    lw_real x[LW_UNKNOWNS + 1];
+} lw_work;
+
 /* Start values of all that is set, and the states at home. */
 void lw_model_reset(lw_model *model);
 
@@ -54,9 +62,13 @@ lw_status lw_model_event(lw_model *model, int *changed);
    the states are where it came to. */
 lw_status lw_model_step(lw_model *model, lw_real dt);
 
+/* Find the wrenches in the joints, where they are told; what was evaluated before. */
+lw_status lw_model_react(lw_model *model, lw_work *work);
+
 /* found: change of every value along seeds of all values, of which those of inputs, parameters and
    states count; what was evaluated before. */
-lw_status lw_model_tangent(const lw_model *model, const lw_real *seeds, lw_real *found);
+lw_status lw_model_tangent(
+    const lw_model *model, lw_work *work, const lw_real *seeds, lw_real *found);
 
 /* What is typical of each state's size. */
 void lw_model_nominals(lw_real *nominals);
