@@ -9,6 +9,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.control import Event, Lag, Sampler, Wrench
+from linkwork.equations.chart_choice import relative_pivots
 from linkwork.kernels.program import Program
 from linkwork.model import charts
 from linkwork.model.tabled import tabled, varying
@@ -17,6 +18,7 @@ from linkwork.simulation import partitioned
 from linkwork.simulation.vectors import LANES
 
 from tests.oracle.random_joints import random_loops
+from tests.robot.test_crossing import OVER, RATE, parallelogram
 
 NAMES = "motion", "closure_step", "tree_rates"
 CASES = {
@@ -373,3 +375,49 @@ def test_stiff_runs_by_tables_are_those_of_compiled_charts(monkeypatch):
         assert any(chart._kernels for chart in others) == (large > 0)
         found.append(run["joint_position"].values)
     np.testing.assert_allclose(*found, atol=1e-8)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_pivots_by_numbers_are_those_of_the_kernel(case):
+    make, free = CASES[case]
+    robot = lw.Robot(make(), free=free)
+    rng, q = np.random.default_rng(6), robot.home.q
+    chart = robot.chart.better(q, ())
+    states = q + 1e-2 * rng.normal(size=(4, q.size))
+    Phi = chart.constraint_jacobian(states)
+    found = relative_pivots(chart.equations, chart.key, Phi)
+    expected = chart.kernel("pivots")(states)[0]
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("frame", ["ground", "second"])
+@pytest.mark.parametrize("make", [lw.robots.rrr3, sticking])
+def test_reactions_by_tables_are_those_of_compiled_charts(make, frame, monkeypatch):
+    """Along a run through many charts, of which none gets kernels of its own; bristles, too."""
+    found = []
+    for large in (10**9, 0):
+        monkeypatch.setattr(charts, "LARGE", large)
+        robot = lw.Robot(make())
+        start = robot.home.with_rates(np.linspace(4.0, -3.0, robot.mobility))
+        run = robot.simulate(start, duration=0.5, rtol=1e-10, atol=1e-12, samples=9)
+        reactions = run.reactions(frame=frame).values
+        others = [chart for chart in robot.run_charts.values() if chart.home is not None]
+        assert any(chart._kernels for chart in others) == (large > 0 and bool(others))
+        found.append(reactions)
+    own, told = found
+    np.testing.assert_allclose(told, own, atol=1e-6 * np.abs(own).max())
+
+
+def test_ways_over_singular_poses_by_tables_are_those_of_compiled_charts(monkeypatch):
+    """A parallelogram that folds flat five times, in the chart of its rocker: its own rate."""
+    mechanism, found = parallelogram(gravity=(0.0, -1.0, 0.0)), []
+    for large in (10**9, 0):
+        monkeypatch.setattr(charts, "LARGE", large)
+        robot = lw.Robot(mechanism)
+        start = robot.in_chart(robot.home.with_rates([RATE]), ("rocker_pivot",))
+        run = robot.simulate(start, duration=5.0, samples=20, **OVER)
+        assert run.success and run.singular_times.size >= 4
+        others = [chart for chart in robot.run_charts.values() if chart.home is not None]
+        assert others and any(chart._kernels for chart in others) == (large > 0)
+        found.append(run["joint_position"].values)
+    np.testing.assert_allclose(*found, atol=1e-7)

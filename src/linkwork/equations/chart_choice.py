@@ -17,6 +17,8 @@ import numpy as np
 from linkwork.equations.chart import (
     Block,
     Chart,
+    Values,
+    block_determinants,
     block_values,
     chart_of,
     choose_orders,
@@ -78,22 +80,43 @@ def strengths(equations: Equations, chart: Chart, Phi: np.ndarray) -> np.ndarray
 
     Phi: the constraint Jacobian there (G x all rows x nv).
     """
-    units, weakest = equations.scaled(Phi), np.full(len(Phi), np.inf)
+    weakest = np.full(len(Phi), np.inf)
+    for values, block in eliminated(equations, chart, equations.scaled(Phi)):
+        found = block_values(values, block, len(Phi))
+        weakest = np.minimum(
+            weakest, smallest_singular(np.where(np.isfinite(found), found, 0.0), len(block.rows))
+        )
+    return weakest
+
+
+def relative_pivots(equations: Equations, chart: Chart, Phi: np.ndarray) -> np.ndarray:
+    """Return the relative pivots of a chart's elimination (G x blocks), in order.
+
+    Phi: the constraint Jacobian at configurations (G x all rows x nv).
+    """
+    found = [
+        block_determinants(values, block, len(Phi))
+        for values, block in eliminated(equations, chart, Phi)
+    ]
+    scales = [scale for stage in chart.stages for scale in stage.scales]
+    return np.array(found).reshape(len(scales), len(Phi)).T / scales
+
+
+def eliminated(
+    equations: Equations, chart: Chart, Phi: np.ndarray
+) -> Iterator[tuple[Values, Block]]:
+    """Yield the numbers of a stage's rows and columns, and the block that is eliminated next, block
+    by block; Phi: (G x all rows x nv), in any units."""
     for stage in chart.stages:
         own = set(stage.columns)
         values = {
-            r: {c: units[:, r, c, None] for c in equations.rows.pattern[r] if c in own}
+            r: {c: Phi[:, r, c, None] for c in equations.rows.pattern[r] if c in own}
             for r in stage.rows
         }
         for block in stage.blocks:
-            found = block_values(values, block, len(Phi))
-            weakest = np.minimum(
-                weakest,
-                smallest_singular(np.where(np.isfinite(found), found, 0.0), len(block.rows)),
-            )
+            yield values, block
             with np.errstate(all="ignore"):
                 eliminate_values(values, set(), block)
-    return weakest
 
 
 def chart_in(

@@ -25,7 +25,7 @@ import numpy as np
 from linkwork.checks import known
 from linkwork.equations import Equations, chart_in, charts_at, functions
 from linkwork.equations.chart import Chart, faced
-from linkwork.equations.chart_choice import DETERMINED, strengths
+from linkwork.equations.chart_choice import DETERMINED, relative_pivots, strengths
 from linkwork.equations.uncharted import uncharted
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
@@ -230,7 +230,10 @@ class CompiledChart:
 
     def facing(self, q: np.ndarray) -> CompiledChart:
         """Return this chart with its pivots counted positive at q, where it is regular."""
-        pivots = self.kernel("pivots").flat(q, self.p).tolist()
+        if self.told():
+            pivots = self.relative_pivots(q[None])[0].tolist()
+        else:
+            pivots = self.kernel("pivots").flat(q, self.p).tolist()
         if min(pivots, default=1.0) > 0:
             return self
         return self.with_signs(tuple([-1.0 if pivot < 0 else 1.0 for pivot in pivots]))
@@ -247,6 +250,12 @@ class CompiledChart:
             return self.in_chart(faced(chart, signs))
 
         return lru_cache(maxsize=None)(multiplied)
+
+    def relative_pivots(self, q: np.ndarray) -> np.ndarray:
+        """Return the relative pivots of all blocks (K, blocks) at configurations (K, nq)."""
+        if self.told(len(q)):
+            return relative_pivots(self.equations, self.key, self.constraint_jacobian(q))
+        return self.kernel("pivots")(q)[0]
 
     def pivot(self, q: np.ndarray) -> float:
         """Return the weakest relative pivot at one configuration."""
@@ -286,7 +295,7 @@ class CompiledChart:
         rows, width = len(self.equations.rows.names), self.equations.nv
         if not rows:
             return np.zeros((*q.shape[:-1], 0, width))
-        p, kernel = self.p if p is None else p, self.kernel("constraints")
+        p, kernel = self.p if p is None else p, self.shared.kernel("constraints")
         if q.ndim == p.ndim == 1:
             return kernel.flat(q, p)[rows:].reshape(width, rows).T
         found = kernel(q, p)[1]
@@ -294,14 +303,14 @@ class CompiledChart:
 
     def residuals(self, q: np.ndarray) -> np.ndarray:
         """Return phi (rows) at one configuration."""
-        return self.kernel("constraints")(q)[0]
+        return self.shared.kernel("constraints")(q, self.p)[0]
 
     def unheld_gap(self, q: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
         """Return the largest gap (...) of rows that are redundant and not held, at configurations;
         p: of each."""
         if self.equations.rows.unheld is None:
             return np.zeros(q.shape[:-1])
-        return self.kernel("unheld_gap")(q, self.p if p is None else p)[0][..., 0]
+        return self.shared.kernel("unheld_gap")(q, self.p if p is None else p)[0][..., 0]
 
     def better(self, q: np.ndarray, preferred: tuple[int, ...]) -> CompiledChart:
         """Return a chart chosen at q (nq): independent rates, rows and elimination are those that

@@ -28,6 +28,7 @@ from linkwork.equations.elimination import solve
 from linkwork.equations.reference import CLOSED, unit
 from linkwork.equations.tree import Tree
 from linkwork.kernels import Kernel
+from linkwork.kernels.bound import BoundFunction
 from linkwork.model.asked import Asked
 from linkwork.model.charts import CompiledChart
 from linkwork.model.modes import ModeStages
@@ -165,13 +166,7 @@ def settled(
         rounds: most steps to take.
     """
     if q.ndim == 1:
-        q, gap, _ = settled_alone(
-            lambda q: ((out := kernel.flat(q, p)).item(-1), out),
-            lambda _, out: out[:-1],
-            q,
-            enough,
-            rounds,
-        )
+        q, gap = settled_one(kernel, q, p, enough, rounds)
         return q, np.array(gap)
     best, least, ones = q, np.full(q.shape[:-1], np.inf), np.ones(q.shape[-1])
     for _ in range(rounds):
@@ -183,6 +178,20 @@ def settled(
             break
         q = np.where(going[..., None], after, q)
     return best, least
+
+
+def settled_one(
+    kernel: Kernel | BoundFunction, q: np.ndarray, p: np.ndarray, enough: float, rounds: int
+) -> tuple[np.ndarray, float]:
+    """Return what `settled` does of one configuration q (nq)."""
+    q, gap, _ = settled_alone(
+        lambda q: ((out := kernel.flat(q, p)).item(-1), out),
+        lambda _, out: out[:-1],
+        q,
+        enough,
+        rounds,
+    )
+    return q, gap
 
 
 def settled_alone(

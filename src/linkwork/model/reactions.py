@@ -157,21 +157,10 @@ def balanced_part(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return wrenches and their constraint part (K, J, 6), multipliers of gears (K, gears), and
     which are open (J, 6)."""
-    unit, strains = np.repeat([length, 1.0], 3), samples.strains
-    outside = samples.applied
+    unit, outside = np.repeat([length, 1.0], 3), samples.applied
     if outside is None:
         outside = np.zeros((len(samples.q), len(robot.bodies), 6))
-    needed, centres, origins, twists, f, _ = evaluated(
-        robot,
-        samples.chart,
-        lambda chart: kernel(chart, joint_loads if strains is None else strained_loads),
-        samples.q,
-        samples.v,
-        samples.v_dot,
-        samples.u,
-        np.empty((len(samples.q), 0)) if strains is None else strains,
-        outside.reshape(len(samples.q), 6 * len(robot.bodies)),
-    )
+    needed, centres, origins, twists, f, _ = loads(robot, samples, outside)
     count, bodies, joints = len(f), len(robot.bodies), len(network.joints)
     needed, origins = needed.reshape(count, bodies, 6), origins.reshape(count, joints, 2, 3)
     needed = needed - outside
@@ -187,6 +176,26 @@ def balanced_part(
     return wrenches, constraint, balance.mu, is_open
 
 
+def loads(robot: Model, samples: Samples, outside: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return what `joint_loads` gives at samples under wrenches from outside (K, r, 6).
+
+    That of large mechanisms is found in the rates of the whole tree, by code that all charts share,
+    where a chart's own order of elimination is good.
+    """
+    chart, q, strains = samples.chart, samples.q, samples.strains
+    make = joint_loads if strains is None else strained_loads
+    strains = np.empty((len(q), 0)) if strains is None else strains
+    given = samples.u, strains, outside.reshape(len(q), 6 * len(robot.bodies))
+    if chart.shared.large:
+        pivots = chart.by_table("tree_rates").rows(q, samples.v, chart.p)[:, -1]
+        if checks.weakest(pivots) > checks.PIVOT_BOUND:
+            w, w_dot = chart.in_tree(q, samples.v, chart.p, samples.v_dot)
+            return kernel(chart.free, make)(q, w, w_dot, *given, chart.p)
+    return evaluated(
+        robot, chart, lambda other: kernel(other, make), q, samples.v, samples.v_dot, *given
+    )
+
+
 def kernel(chart: CompiledChart, function: Callable[[Equations], ca.Function]) -> Kernel:
     """Return a function of `equations.reactions`, compiled in a chart."""
     return chart.compiled(function.__name__, function).given(chart.p)
@@ -197,7 +206,7 @@ def seen_from(samples: Samples, joints: int, frame: str) -> np.ndarray | None:
     ground's."""
     if frame == "ground":
         return None
-    (axes,) = kernel(samples.chart, joint_axes)(samples.q)
+    (axes,) = kernel(samples.chart.shared, joint_axes)(samples.q, samples.chart.p)
     return axes.reshape(len(axes), joints, 2, 3, 3)[:, :, FRAMES.index(frame) - 1]
 
 
@@ -218,10 +227,9 @@ def shown(
 def spread(robot: Model) -> float:
     """Return the root mean square distance of the joints from their middle at home [m], or 1 m if
     that is zero."""
-    home = robot.home
-    still = np.zeros(len(robot.actuators))
-    nothing = np.zeros(6 * len(robot.bodies))
-    found = kernel(robot.chart, joint_loads)(home.q, home.rates, home.rates, still, (), nothing)
+    q, still = robot.home.q[None], np.zeros((1, robot.mobility))
+    unforced, nothing = np.zeros((1, len(robot.actuators))), np.zeros((1, len(robot.bodies), 6))
+    found = loads(robot, Samples(robot.chart, q, still, still, unforced), nothing)
     origins = found[2].reshape(-1, 3)
     if not len(origins):
         return 1.0

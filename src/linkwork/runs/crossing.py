@@ -25,8 +25,9 @@ from numpy.polynomial import Polynomial
 
 from linkwork.equations.equations import smallest_singular
 from linkwork.kernels import Kernel
+from linkwork.kernels.bound import BoundFunction
 from linkwork.model.charts import CompiledChart
-from linkwork.model.closing import settled
+from linkwork.model.closing import settled_one
 from linkwork.runs.system import System
 
 NODES = (6, 8)
@@ -136,9 +137,7 @@ class Crossing:
         for state in states[1:]:
             state[: q.size], _ = self._closed(state[: q.size])
         times = t + h * nodes(NODES[1])
-        pivots = np.array(
-            [self.chart.kernel("pivots").flat(state[: q.size], self.chart.p) for state in states]
-        )
+        pivots = self.chart.relative_pivots(np.ascontiguousarray(states[:, : q.size]))
         return Crossed(
             times,
             states,
@@ -215,21 +214,21 @@ class Crossing:
         return self._motion.flat(q, y[nq:], u, self.system.p(self.chart))[:-1]
 
     @cached_property
-    def _motion(self) -> Kernel:
-        return self.system.kernel(self.chart, "motion")
+    def _motion(self) -> Kernel | BoundFunction:
+        return self.system.single(self.chart, "motion")
 
     @cached_property
-    def _closure(self) -> Kernel | None:
-        """Return the kernel of q -> one Newton step, largest |phi|; None where there is nothing to
+    def _closure(self) -> Kernel | BoundFunction | None:
+        """Return what evaluates q -> one Newton step, largest |phi|; None where there is nothing to
         close."""
-        return self.chart.kernel("closure_step") if self.chart.equations.constrained else None
+        return self.chart.single("closure_step") if self.chart.equations.constrained else None
 
     def _closed(self, q: np.ndarray) -> tuple[np.ndarray, bool]:
         """Return q with its loops closed by Newton's method to rounding, and whether they are
         closed."""
         if self._closure is None:
             return q, True
-        q, residual = settled(self._closure, q, self.chart.p, ROUNDING, NEWTON)
+        q, residual = settled_one(self._closure, q, self.chart.p, ROUNDING, NEWTON)
         return q, bool(residual <= self.closure)
 
     def _residual(self, q: np.ndarray) -> float:
