@@ -1,7 +1,8 @@
 """How many files a new thing touches: what a joint type, a shape or a drive is stands in few files.
 
-Files that make joints or shapes of the types that they need (a reader what its format has, loops
-their fixed ends, engines links for rods) are no part of that: a new type leaves them as they are.
+Files that make joints or shapes of the types that they need (a reader or writer what its format
+has, loops their fixed ends, engines links for rods) are no part of that: a new type leaves them as
+they are.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ MAKERS = {
     "formats/urdf/reader.py",
     "formats/urdf/shapes.py",
     "formats/urdf/sidecars.py",
+    "formats/urdf/writer.py",
     "lab/engines/rewrite.py",
     "lab/textbook/kinematics.py",
 }

@@ -31,7 +31,7 @@ from linkwork.model.charts import CompiledChart
 from linkwork.model.state import State
 from linkwork.robot import Robot
 
-MODELS = tuple(suffix for suffix in models.WRITTEN if suffix not in models.NATIVE)
+MODELS = models.FORMATS[0].suffixes
 
 
 @dataclass(frozen=True, eq=False)

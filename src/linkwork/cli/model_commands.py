@@ -163,7 +163,8 @@ def convert(
         ),
     ],
     target: Annotated[
-        Path, typer.Argument(metavar="B", help="The file to write: .yaml, or .xml or .mjcf (MJCF).")
+        Path,
+        typer.Argument(metavar="B", help="The file to write: .yaml, .xml or .mjcf (MJCF), .urdf."),
     ],
     reference: Reference = None,
     floating: Floating = False,
@@ -173,7 +174,8 @@ def convert(
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Turn a model file into another: MJCF, URDF or SDF into a mechanism file, that into MJCF.
+    """Turn a model file into another: MJCF, URDF or SDF into a mechanism file, that into MJCF
+    or URDF.
 
     What the other format does not hold is said, sentence by sentence.
     """

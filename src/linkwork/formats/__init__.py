@@ -1,4 +1,5 @@
-"""Model files: mechanisms read from MJCF, URDF, SDF and the native YAML, written as MJCF and YAML.
+"""Model files: mechanisms read from MJCF, URDF, SDF and the native YAML, written as MJCF,
+URDF and YAML.
 
 imported = load("robot.xml")        Imported(mechanism, notes)
 notes = save(imported.mechanism, "robot.yaml")

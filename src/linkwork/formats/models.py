@@ -44,19 +44,13 @@ class Format:
 
 FORMATS = (
     Format("MJCF", (".xml", ".mjcf"), "mujoco", "linkwork.formats.mjcf"),
-    Format(
-        "URDF",
-        (".urdf",),
-        "robot",
-        "linkwork.formats.urdf",
-        unwritten="URDF holds no closed loops and is not written; write .xml (MJCF) or .yaml",
-    ),
+    Format("URDF", (".urdf",), "robot", "linkwork.formats.urdf"),
     Format(
         "SDF",
         (".sdf", ".world"),
         "sdf",
         "linkwork.formats.sdf",
-        unwritten="SDF is read and not written; write .xml (MJCF) or .yaml",
+        unwritten="SDF is read and not written; write .xml (MJCF), .urdf or .yaml",
     ),
 )
 NATIVE = (".yaml", ".yml")
@@ -160,10 +154,10 @@ def save(mechanism: Mechanism, path: str | Path) -> tuple[str, ...]:
 
     Args:
         mechanism: what is written; for MJCF its loops are closed first, from its reference.
-        path: .yaml or .yml, the native format; .xml or .mjcf, MJCF.
+        path: .yaml or .yml, the native format; .xml or .mjcf, MJCF; .urdf, URDF with loops.
 
     Returns:
-        Notes: sentences on what the file does not hold or MuJoCo takes otherwise.
+        Notes: sentences on what the file does not hold or others take otherwise.
 
     Raises:
         MechanismError: the suffix is another, the format cannot hold the mechanism, or the file

@@ -1,0 +1,400 @@
+"""A mechanism written as URDF: its spanning tree as links and joints, the joints that close loops
+as <loop> and <constraint> beside them, which programs that know a tree alone pass over.
+
+A link's frame is that of the joint that carries it. A joint of several freedoms becomes hinges and
+slides called "joint_freedom", with links without mass between; a screw a hinge and a slide that
+mimics it. Coordinates are the mechanism's own, and zero where they are there; loops are closed by
+the frames on both of their sides, and where the file is read, from a reference.
+
+Source: the URDF specification, https://wiki.ros.org/urdf/XML; `sidecars` for the loops.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from linkwork.equations.joints import ElementaryMotion, held_length, motions_of, pattern
+from linkwork.equations.topology import Branch, span
+from linkwork.formats import poses
+from linkwork.formats.masses import solid_of
+from linkwork.formats.mjcf.laws import numbers
+from linkwork.formats.notes import Notes
+from linkwork.mechanism import (
+    GROUND,
+    Box,
+    Cylinder,
+    Limits,
+    Mechanism,
+    MechanismError,
+    PairJoint,
+    Sphere,
+)
+from linkwork.mechanism.effects import Effects, Friction
+
+EARTH = (0.0, 0.0, -9.81)  # gravity where URDF is used
+UNBOUNDED = 1e9  # limit of a slide that has none; URDF wants one
+FLOATING = ("slide", "slide", "slide", "ball")
+PLANAR, CROSSED = ("slide", "slide", "turn"), ("turn", "turn")
+LOOPS = {
+    (): "fixed",
+    ("turn",): "revolute",
+    ("slide",): "prismatic",
+    ("ball",): "spherical",
+    PLANAR: "planar",
+}
+"""What a joint that closes a loop is called, by its motions."""
+
+
+@dataclass
+class UrdfSheet:
+    """Hold the file while it is written.
+
+    carriers: of each body, the frame of its link in it
+    """
+
+    mechanism: Mechanism
+    root: ET.Element
+    notes: Notes = field(default_factory=Notes)
+    carriers: dict[str, np.ndarray] = field(default_factory=lambda: {GROUND: np.eye(4)})
+
+    @property
+    def names(self) -> set[str]:
+        """The names of links and joints that are taken."""
+        return {element.attrib["name"] for element in self.root if "name" in element.attrib}
+
+    def refusal(self, what: str, instead: str) -> MechanismError:
+        return MechanismError(f"{self.mechanism.name}: {what}; {instead}")
+
+
+def write_urdf(mechanism: Mechanism, path: Path) -> tuple[str, ...]:
+    """Write a mechanism as URDF with loops; return notes on what the file does not hold.
+
+    Raises:
+        MechanismError: URDF cannot hold the mechanism, or the file cannot be written.
+    """
+    text, notes = to_urdf(mechanism)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise MechanismError(
+            f"{path}: cannot be written: {(error.strerror or str(error)).lower()}"
+        ) from None
+    return notes
+
+
+def to_urdf(mechanism: Mechanism) -> tuple[str, tuple[str, ...]]:
+    """Return the text of a URDF file and notes."""
+    sheet = UrdfSheet(mechanism, ET.Element("robot", name=mechanism.name))
+    refuse_what_moves(sheet)
+    topology = span(mechanism)
+    for name in topology.cuts:
+        if cut_rates := {*topology.closing[name].rates(name)} & {*mechanism.actuators}:
+            raise sheet.refusal(
+                f"the driven joint {min(cut_rates)!r} closes a loop, which URDF drives none of",
+                "write .xml (MJCF) or .yaml",
+            )
+    # Links and joints of the tree, from ground outwards; then what closes its loops.
+    ET.SubElement(sheet.root, "link", name=GROUND)
+    for branch in topology.branches:
+        write_branch(sheet, branch, topology.joints[branch.joint])
+    for name, joint in topology.closing.items():
+        write_loop(sheet, name, joint)
+    write_gears(sheet)
+    for name, tool in mechanism.tools.items():
+        write_tool(sheet, name, tool.body, poses.of_frame(tool.frame))
+    tell_losses(sheet)
+    ET.indent(sheet.root)
+    return ET.tostring(sheet.root, encoding="unicode") + "\n", sheet.notes.sentences()
+
+
+def refuse_what_moves(sheet: UrdfSheet) -> None:
+    """Refuse what acts on the motion and has no place in URDF."""
+    for kind in ("transmissions", "springs", "lifts", "drags", "contacts"):
+        if own := getattr(sheet.mechanism, kind):
+            raise sheet.refusal(
+                f"URDF has no place for {kind}, as for {next(iter(own))!r}",
+                "write .xml (MJCF) or .yaml",
+            )
+
+
+# -------------------------------------------------------------------------------------------- tree
+
+
+def write_branch(sheet: UrdfSheet, branch: Branch, joint: PairJoint) -> None:
+    """Write a joint of the tree, and the link that it carries."""
+    near, far = (1, 0) if branch.reversed else (0, 1)
+    X = poses.inverse(sheet.carriers[branch.parent]) @ poses.of_frame(joint.frames[near])
+    sheet.carriers[branch.body] = poses.of_frame(joint.frames[far])
+    kind = pattern(joint)
+    if "ball" in kind and (kind != FLOATING or branch.reversed):
+        raise sheet.refusal(
+            f"joint {branch.joint!r} turns freely in the tree, where URDF has no such joint",
+            "make it a universal and a revolute joint, or write .xml (MJCF) or .yaml",
+        )
+    write_link(sheet, branch.body)
+    if kind in ((), FLOATING):
+        what = "floating" if kind else "fixed"
+        add_joint(sheet, branch.joint, what, branch.parent, branch.body, X)
+        tell_unheld(sheet, branch.joint, joint)
+        return
+    # Each motion a hinge or a slide, with links between; a screw is both.
+    steps = steps_of(joint, branch, not branch.reversed)
+    parent = branch.parent
+    for place, (label, motion, own) in enumerate(steps):
+        last = place == len(steps) - 1
+        child = branch.body if last else free_name(sheet, f"between {branch.joint}")
+        if not last:
+            ET.SubElement(sheet.root, "link", name=child)
+        write_step(sheet, label, motion, own, (parent, child), X)
+        parent, X = child, np.eye(4)
+
+
+Steps = list[tuple[str, ElementaryMotion, Effects | None]]
+
+
+def steps_of(joint: PairJoint, branch: Branch, forwards: bool) -> Steps:
+    """Return hinges and slides of a joint with their names; a slide of a screw follows its
+    hinge."""
+    effects = list(joint.effects().values()) or [Effects()] * len(motions_of(joint))
+    found: Steps = []
+    labels = joint.coordinates(branch.joint)
+    for label, motion, own in zip(labels, motions_of(joint), effects, strict=True):
+        found.append((label, motion if forwards else motion.reversed(), own))
+        if motion.what == "screw":
+            found.append((label, motion if forwards else motion.reversed(), None))
+    return found if forwards else found[::-1]
+
+
+def write_step(
+    sheet: UrdfSheet,
+    label: str,
+    motion: ElementaryMotion,
+    own: Effects | None,
+    links: tuple[str, str],
+    X: np.ndarray,
+) -> None:
+    """Write a hinge or a slide; `own` is None for the slide that follows a screw's hinge."""
+    name = label.replace(".", "_")
+    if own is None:
+        pitch = float(motion.pitch)  # pyright: ignore[reportArgumentType]
+        element = add_joint(sheet, f"{name}_advance", "prismatic", *links, X, motion.turn)
+        ET.SubElement(element, "limit", bounds(Limits()))
+        ET.SubElement(element, "mimic", joint=name, multiplier=repr(pitch), offset="0")
+        element.set("independent", "false")
+        return
+    slides = motion.what == "slide"
+    axis = np.asarray(motion.slide if slides else motion.turn, float)
+    bounded = slides or own.limits != Limits()
+    kind = "prismatic" if slides else "revolute" if bounded else "continuous"
+    element = add_joint(sheet, name, kind, *links, X, axis)
+    driven = label in sheet.mechanism.actuators
+    element.set("independent", "true" if driven else "false")
+    if bounded:
+        ET.SubElement(element, "limit", bounds(own.limits))
+    if own.friction.viscous or own.friction.coulomb:
+        friction = own.friction
+        damping = {"damping": repr(friction.viscous), "friction": repr(friction.coulomb)}
+        ET.SubElement(element, "dynamics", damping)
+    if own.spring.stiffness:
+        gazebo = ET.SubElement(sheet.root, "gazebo", reference=name)
+        ET.SubElement(gazebo, "springStiffness").text = repr(own.spring.stiffness)
+        ET.SubElement(gazebo, "springReference").text = repr(own.spring.rest)
+
+
+def bounds(limits: Limits) -> dict[str, str]:
+    """Return the attributes of <limit>; URDF wants both ends, and an effort and a velocity."""
+    lower = -UNBOUNDED if limits.lower is None else limits.lower
+    upper = UNBOUNDED if limits.upper is None else limits.upper
+    return {"lower": repr(lower), "upper": repr(upper), "effort": "0", "velocity": "0"}
+
+
+def add_joint(
+    sheet: UrdfSheet,
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    X: np.ndarray,
+    axis: np.ndarray | None = None,
+) -> ET.Element:
+    """Add a joint of the tree."""
+    if any(other.attrib["name"] == name for other in sheet.root.iter("joint")):
+        raise sheet.refusal(
+            f"two joints would be called {name!r}, for URDF's names have no dots", "rename one"
+        )
+    element = ET.SubElement(sheet.root, "joint", name=name, type=kind)
+    add_origin(element, X)
+    ET.SubElement(element, "parent", link=parent)
+    ET.SubElement(element, "child", link=child)
+    if axis is not None:
+        ET.SubElement(element, "axis", xyz=numbers(axis))
+    return element
+
+
+def add_origin(element: ET.Element, X: np.ndarray, tag: str = "origin") -> None:
+    """Add a pose by position and the angles of Rz(yaw) Ry(pitch) Rx(roll)."""
+    angles = Rotation.from_matrix(X[:3, :3]).as_euler("xyz")
+    ET.SubElement(element, tag, xyz=numbers(X[:3, 3]), rpy=numbers(angles))
+
+
+def free_name(sheet: UrdfSheet, wanted: str) -> str:
+    """Return a name that no link, joint or body has."""
+    taken, name = sheet.names | {*sheet.mechanism.bodies}, wanted
+    count = 1
+    while name in taken:
+        count += 1
+        name = f"{wanted} {count}"
+    return name
+
+
+# ------------------------------------------------------------------------------------------- links
+
+
+def write_link(sheet: UrdfSheet, name: str) -> None:
+    """Write the link that a body is, in the frame of the joint that carries it."""
+    body, back = sheet.mechanism.bodies[name], poses.inverse(sheet.carriers[name])
+    element = ET.SubElement(sheet.root, "link", name=name)
+    solid = solid_of(body)
+    tensor = solid.inertia
+    if body.inertia.planar and body.inertia.zz:
+        tensor = np.eye(3) * body.inertia.zz  # what a plane does not feel, so that it is rigid
+    if solid.mass or tensor.any():
+        inertial = ET.SubElement(element, "inertial")
+        ET.SubElement(inertial, "origin", xyz=numbers(poses.point(back, solid.centre)), rpy="0 0 0")
+        ET.SubElement(inertial, "mass", value=repr(float(solid.mass)))
+        own = back[:3, :3] @ tensor @ back[:3, :3].T
+        places = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2)}
+        places["izz"] = (2, 2)
+        ET.SubElement(
+            inertial, "inertia", {key: repr(float(own[at])) for key, at in places.items()}
+        )
+    for shape in body.shapes:
+        geometry = ET.Element("geometry")
+        match shape:
+            case Box():
+                ET.SubElement(geometry, "box", size=numbers(shape.size))
+            case Sphere():
+                ET.SubElement(geometry, "sphere", radius=repr(shape.radius))
+            case Cylinder():
+                size = {"radius": repr(shape.radius), "length": repr(shape.length)}
+                ET.SubElement(geometry, "cylinder", size)
+            case _:
+                sheet.notes.say(f"{name}: shapes that are no box, sphere or cylinder are left out")
+                continue
+        visual = ET.SubElement(element, "visual")
+        add_origin(visual, back @ poses.of_frame(shape.frame))
+        visual.append(geometry)
+
+
+def write_tool(sheet: UrdfSheet, name: str, body: str, X: np.ndarray) -> None:
+    """Write a tool as a link without mass that is fixed to its body."""
+    link = free_name(sheet, name)
+    if link != name:
+        sheet.notes.say(f"the tool {name!r} is called {link!r}: {name!r} is a link")
+    ET.SubElement(sheet.root, "link", name=link)
+    pose = poses.inverse(sheet.carriers[body]) @ X
+    add_joint(sheet, free_name(sheet, f"{name} frame"), "fixed", body, link, pose)
+
+
+# ------------------------------------------------------------------------------------------- loops
+
+
+def write_loop(sheet: UrdfSheet, name: str, joint: PairJoint) -> None:
+    """Write a joint that closes a loop, by its frames on both links."""
+    kind = pattern(joint)
+    ends = [
+        poses.inverse(sheet.carriers[body]) @ poses.of_frame(frame)
+        for body, frame in zip(joint.connects, joint.frames, strict=True)
+    ]
+    if kind == CROSSED:
+        write_constraint(sheet, name, joint, ends)
+    elif kind not in LOOPS or held_length(joint) is not None:
+        raise sheet.refusal(
+            f"joint {name!r}, a {joint.type} joint, closes a loop, which URDF with loops has "
+            f"no word for ({', '.join(LOOPS.values())}, universal)",
+            "write .xml (MJCF) or .yaml",
+        )
+    else:
+        element = ET.SubElement(sheet.root, "loop", name=name, type=LOOPS[kind])
+        for tag, body, X in zip(("predecessor", "successor"), joint.connects, ends, strict=True):
+            add_origin(ET.SubElement(element, tag, link=body), X)
+        axis = getattr(joint, "axis", (0.0, 0.0, 1.0))
+        ET.SubElement(element, "axis", xyz=numbers(axis))
+    tell_unheld(sheet, name, joint)
+
+
+def tell_unheld(sheet: UrdfSheet, name: str, joint: PairJoint) -> None:
+    """Note what acts in a joint that is no hinge or slide of the tree."""
+    if any(any(own.loads) for own in joint.effects().values()):
+        sheet.notes.say(
+            f"joints.{name}: friction, springs, stops and rotors are left out: URDF has them in "
+            "hinges and slides of the tree alone",
+            alters=True,
+        )
+
+
+def write_constraint(sheet: UrdfSheet, name: str, joint: PairJoint, ends: list[np.ndarray]) -> None:
+    """Write a joint of two crossing axes that closes a loop, by an axis on either side."""
+    element = ET.SubElement(sheet.root, "constraint", name=name, type="universal")
+    axes = [motion.turn for motion in motions_of(joint)]
+    sides = zip(("parent", "child"), joint.connects, ends, axes, strict=True)
+    for tag, body, X, axis in sides:
+        ET.SubElement(element, tag, link=body)
+        add_origin(element, poses.pose(X[:3, 3]), f"{tag}_origin")
+        ET.SubElement(element, f"{tag}_axis", xyz=numbers(X[:3, :3] @ axis))
+
+
+def write_gears(sheet: UrdfSheet) -> None:
+    """Write gears of two hinges or slides as <mimic>: q = multiplier q_other + offset."""
+    joints = {element.attrib["name"]: element for element in sheet.root.iter("joint")}
+    for name, gear in sheet.mechanism.gears.items():
+        used = [label for label, ratio in gear.ratios.items() if ratio]
+        used.sort(key=lambda label: label in sheet.mechanism.actuators)  # driven ones lead
+        own = [label.replace(".", "_") for label in used]
+        free = [at in joints and joints[at].find("mimic") is None for at in own]
+        follower = free.index(True) if any(free) else None
+        if len(used) != 2 or follower is None or not all(at in joints for at in own):
+            raise sheet.refusal(
+                f"the gear {name!r} couples other than two hinges or slides of the tree, which "
+                "mimic holds",
+                "write .xml (MJCF) or .yaml",
+            )
+        ratio = gear.ratios[used[follower]]
+        values = {
+            "joint": own[1 - follower],
+            "multiplier": repr(-gear.ratios[used[1 - follower]] / ratio),
+            "offset": repr(gear.offset / ratio),
+        }
+        ET.SubElement(joints[own[follower]], "mimic", values)
+
+
+def tell_losses(sheet: UrdfSheet) -> None:
+    """Note what the file does not hold."""
+    say, mechanism = sheet.notes.say, sheet.mechanism
+    if tuple(mechanism.gravity) != EARTH:
+        say(
+            f"URDF holds no gravity, which is ({numbers(mechanism.gravity)}) here; what reads it "
+            f"takes ({numbers(EARTH)})",
+            alters=True,
+        )
+    if mechanism.reference:
+        say("the reference is left out: give it where the file is read (reference=)")
+    own = [each for joint in mechanism.pairs.values() for each in joint.effects().values()]
+    plain = Friction()
+    if any(each.rotor for each in own):
+        say("rotor inertias are left out: URDF has none", alters=True)
+    if any(each.stop for each in own):
+        say("stops are left out: URDF has limits alone", alters=True)
+    if any(each.spring.damping or each.friction.static or each.friction.bristle for each in own):
+        say("dampers of springs, static friction and bristles are left out", alters=True)
+    if any(each.friction.coulomb_rate != plain.coulomb_rate for each in own):
+        say("the rate at which Coulomb friction is smoothed is left out", alters=True)

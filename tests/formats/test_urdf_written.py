@@ -1,0 +1,149 @@
+"""URDF that is written: read again it moves the same, and Pinocchio reads its tree."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.formats import load, save
+from linkwork.formats.urdf.writer import to_urdf
+from linkwork.mechanism import (
+    Body,
+    Frame,
+    Friction,
+    GearJoint,
+    Inertia,
+    Limits,
+    Mechanism,
+    MechanismError,
+    RevoluteJoint,
+    ScrewJoint,
+    Spring,
+    UniversalJoint,
+)
+
+EARTH = (0.0, 0.0, -9.81)
+PART = Inertia(xx=0.02, yy=0.03, zz=0.025, xy=0.001, xz=-0.002, yz=0.003)
+SKEW = Frame(position=(0.1, -0.2, 0.3), rotation=(0.3, -0.5, 0.7))
+
+
+def again(robot: lw.Robot, path) -> lw.Robot:
+    """Return the robot that a written file is, from the same reference."""
+    save(robot.mechanism, path)
+    home = dict(zip(map(plain, robot.coordinates), robot.home.positions.tolist(), strict=True))
+    names = load(path).mechanism.coordinates
+    reference = {name: value for name, value in home.items() if name in names}
+    return lw.Robot(load(path, reference=reference).mechanism)
+
+
+def plain(label: str) -> str:
+    return label.replace(".", "_")
+
+
+def difference(robot: lw.Robot, other: lw.Robot) -> float:
+    """Return how far the accelerations of shared joints are apart, over the largest."""
+    rng = np.random.default_rng(5)
+    v, u = rng.normal(size=robot.mobility), rng.normal(size=len(robot.actuators))
+    state = robot.state(robot.home.positions, v)
+    rates = dict(zip(map(plain, robot.rates), robot.joint_rates(state), strict=True))
+    forces = dict(zip(map(plain, robot.actuators), u, strict=True))
+    assert {*other.actuators} == {*forces}
+    theirs = other.state(other.home.positions, [rates[name] for name in other.independent])
+    mine = dict(zip(map(plain, robot.independent), robot.forward_dynamics(state, u), strict=True))
+    found = other.forward_dynamics(theirs, [forces[name] for name in other.actuators])
+    shared = [(mine[name], x) for name, x in zip(other.independent, found, strict=True)]
+    return max(abs(a - b) for a, b in shared) / max(1.0, *(abs(a) for a, _ in shared))
+
+
+def standing(name: str) -> Mechanism:
+    """Return a robot of the catalogue under the gravity that readers of URDF take."""
+    mechanism = getattr(lw.robots, name)()
+    return mechanism.model_copy(update={"gravity": EARTH})
+
+
+@pytest.mark.parametrize(
+    "name", ["prr3", "slider_crank", "bennett", "spatial_slider_crank", "agile_wrist", "stewart"]
+)
+def test_what_is_written_is_read_as_the_same_robot(name, tmp_path):
+    robot = lw.Robot(standing(name))
+    other = again(robot, tmp_path / "robot.urdf")
+    assert other.mobility == robot.mobility
+    assert difference(robot, other) < 1e-9
+
+
+def arm() -> Mechanism:
+    """Return a tree of a screw, a universal joint and geared hinges, with all that URDF holds."""
+    bodies = {
+        name: Body(mass=mass, centre_of_mass=(0.1, 0.2, -0.1), inertia=PART)
+        for name, mass in (("nut", 2.0), ("fork", 1.5), ("first", 0.7), ("second", 0.4))
+    }
+    acting = {
+        "friction": Friction(viscous=0.2),
+        "spring": Spring(stiffness=3.0, rest=0.1),
+        "limits": Limits(lower=-1.0, upper=2.0),
+    }
+    joints = {
+        "thread": ScrewJoint(connects=("ground", "nut"), frames=(SKEW, Frame()), pitch=0.02),
+        "cross": UniversalJoint(connects=("fork", "nut"), frames=(SKEW, SKEW)),
+        "elbow": RevoluteJoint(connects=("fork", "first"), frames=(SKEW, Frame()), **acting),
+        "tip": RevoluteJoint(connects=("first", "second"), frames=(SKEW, SKEW), axis=(0.6, 0.8, 0)),
+        "wheels": GearJoint(ratios={"elbow": 1.0, "tip": 2.0}, offset=0.3),
+    }
+    actuators = ("thread", "cross.angle_1", "cross.angle_2", "elbow")
+    reference = {"elbow": 0.3, "cross.angle_1": 0.4, "thread": 0.5}
+    return Mechanism(
+        name="arm",
+        bodies=bodies,
+        joints=joints,
+        actuators=actuators,
+        reference=reference,
+        gravity=EARTH,
+    )
+
+
+def test_screws_universal_joints_gears_and_what_acts(tmp_path):
+    robot = lw.Robot(arm())
+    other = again(robot, tmp_path / "arm.urdf")
+    assert difference(robot, other) < 1e-9
+    assert other.mechanism.joints["elbow"].limits == Limits(lower=-1.0, upper=2.0)  # pyright: ignore
+
+
+def test_pinocchio_reads_the_same_tree():
+    """M = L' H L with the tree's inertia by Pinocchio, from the file, and L of this robot."""
+    pin = pytest.importorskip("pinocchio")
+    robot = lw.Robot(standing("prr3"))
+    text, _ = to_urdf(robot.mechanism)
+    model = pin.buildModelFromXML(text)
+    values = dict(zip(robot.coordinates, robot.home.positions, strict=True))
+    q, names = pin.neutral(model), list(model.names)[1:]
+    for name, joint in zip(names, list(model.joints)[1:], strict=True):
+        x = values[name]
+        q[joint.idx_q : joint.idx_q + joint.nq] = [x] if joint.nq == 1 else [np.cos(x), np.sin(x)]
+    H = np.triu(pin.crba(model, model.createData(), q))
+    H = H + np.triu(H, 1).T
+    places = [joint.idx_v for joint in list(model.joints)[1:]]
+    L = robot.rate_map(robot.home)[[robot.rates.index(name) for name in names]]
+    M = L.T @ H[np.ix_(places, places)] @ L
+    np.testing.assert_allclose(M, robot.mass_matrix(robot.home), rtol=1e-12, atol=1e-12)
+
+
+def test_what_is_left_out_is_said():
+    _, notes = to_urdf(lw.robots.puma560().model_copy(update={"gravity": (0.0, -1.0, 0.0)}))
+    assert any("URDF holds no gravity, which is (0 -1 0) here" in note for note in notes)
+    assert any("rotor inertias are left out" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("delta", "joint 'rod_1_left', a rod joint, closes a loop, which URDF with loops has no"),
+        ("andrews", "URDF has no place for springs, as for 'CD'; write .xml (MJCF) or .yaml"),
+    ],
+)
+def test_refusals(name, sentence, tmp_path):
+    with pytest.raises(MechanismError, match=re.escape(sentence)):
+        save(getattr(lw.robots, name)(), tmp_path / "robot.urdf")
+    assert not [*tmp_path.iterdir()]
