@@ -8,6 +8,7 @@ import pytest
 
 import linkwork as lw
 
+from tests.dropped import Floor, foot_of, in_exudyn
 from tests.equations.evaluation import close
 
 K, C, MU, RATE, R = 2e5, 0.6, 0.5, 0.02, 0.02
@@ -152,3 +153,17 @@ def test_it_moves_as_in_mujoco_under_the_same_compliance(dropped, tmp_path):
     names = ["float.x", "float.z"]
     found = run.dataset["joint_position"].sel(coordinate=names).values
     close(found, np.array(places)[:, [0, 2]], 5e-5)
+
+
+def test_it_moves_as_in_exudyn_under_the_same_compliance(dropped):
+    """Exudyn holds its loop by multipliers, at the end of each of its steps, of second order."""
+    pytest.importorskip("exudyn")
+    _, run = dropped
+    foot = (("shank_1", (0.2, 0.0, 0.0)),)
+    floor = Floor(0.0, foot, R, K, C, MU, RATE)
+    plain = leg(touches=False)
+    time, places, gap = in_exudyn(plain, floor, TIMES[-1], 2e-4)
+    found = foot_of(run, plain, "shank_1")
+    at = np.abs(time[:, None] - TIMES).argmin(axis=0)
+    close(places[at], found, 1e-5)
+    assert gap < 1e-9
