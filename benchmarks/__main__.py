@@ -28,6 +28,7 @@ from benchmarks import (
     others,
     seeing,
     single,
+    stepper,
     stewart,
     stiff,
     trajectories,
@@ -56,6 +57,7 @@ PAGES: Mapping[str, Sections] = {
     "simulation": {
         "single": lambda _: single.run(),
         "ensemble": lambda _: ensemble.run(),
+        "stepper": lambda _: stepper.run(),
         "control": lambda _: control.run(),
         "stiff": lambda _: stiff.run(),
         "trajectories": lambda _: trajectories.run(),

@@ -10,7 +10,7 @@ import linkwork as lw
 from linkwork.robots import prr3
 from linkwork.simulation import native_rosenbrock
 
-from benchmarks import analysis, control, runs, scipy_runs, single, stiff, tasks
+from benchmarks import analysis, control, runs, scipy_runs, single, stepper, stiff, tasks
 
 
 def values(figures):
@@ -50,6 +50,13 @@ def test_all_methods_meet_in_the_same_second():
     for _, name, _, _, error, *_ in listed(section):
         assert float(error) < (0.02 if name.startswith("symplectic") else 1e-6), name
     assert len(values(section.figures)) == 2
+    json.dumps(section.raw)
+
+
+def test_steppers_of_both_engines_are_timed():
+    section = stepper.run(rounds=1, robots=16, stack=1024)
+    assert len(listed(section)) == 12
+    assert len(values(section.figures)) == 6
     json.dumps(section.raw)
 
 
