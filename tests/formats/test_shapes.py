@@ -193,11 +193,30 @@ def test_a_body_in_parts_is_shown_once(tmp_path):
     assert {name: len(body.shapes) for name, body in back.items()} == {"a": 4, "b": 4}
 
 
-def test_polygons_are_left_out_of_mjcf_and_named(tmp_path):
-    polygon = Polygon(points=((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), thickness=0.1)
-    notes = save(pendulum(polygon, SHAPES[2]), tmp_path / "model.xml")
-    assert any(note.startswith("arm: has shapes that are left out: polygons") for note in notes)
-    assert load(tmp_path / "model.xml").mechanism.bodies["arm"].shapes == (SHAPES[2],)
+def test_polygons_are_plates_in_mjcf_and_come_back(tmp_path):
+    """MuJoCo's mesh has the plate's corners where the body has them; one asset serves two shapes of
+    one polygon."""
+    corners = ((0.0, 0.0), (1.0, 0.0), (0.3, 0.7))
+    polygon = Polygon(points=corners, thickness=0.1, frame=TURNED, colour=(0.25, 0.5, 1.0))
+    again = Polygon(points=corners, thickness=0.1)
+    notes = save(pendulum(polygon, SHAPES[2], again), tmp_path / "model.xml")
+    assert not any("left out" in note for note in notes)
+    model = mj.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+    assert model.nmesh == 1
+    data = mj.MjData(model)
+    mj.mj_kinematics(model, data)
+    geom = next(k for k in range(model.ngeom) if model.geom_type[k] == mj.mjtGeom.mjGEOM_MESH)
+    at, R = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)
+    body = model.geom_bodyid[geom]
+    found = model.mesh_vert @ R.T + at - data.xpos[body]
+    wanted = [poses.of_frame(TURNED) @ (*corner, 1.0) for corner in polygon.corners]
+    in_order = [min(found, key=lambda p, w=w: np.linalg.norm(p - w[:3])) for w in wanted]
+    np.testing.assert_allclose(in_order, np.array(wanted)[:, :3], atol=1e-6)
+    back = load(tmp_path / "model.xml").mechanism.bodies["arm"].shapes
+    assert [shape.type for shape in back] == ["polygon", "sphere", "polygon"]
+    assert (back[0].points, back[0].thickness) == (polygon.points, polygon.thickness)
+    np.testing.assert_allclose(back[0].frame.position, TURNED.position)
+    assert (back[0].colour, back[2].frame) == (polygon.colour, again.frame)
 
 
 def test_visuals_are_where_pinocchio_has_them(tmp_path):

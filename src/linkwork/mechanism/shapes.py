@@ -236,8 +236,13 @@ class Polygon(SimpleShape):
     @property
     def touching(self) -> Touching:
         """Return the corners of both faces."""
+        return Touching(self.corners)
+
+    @property
+    def corners(self) -> tuple[tuple[float, float, float], ...]:
+        """Return the corners of both faces, one after the other."""
         z = self.thickness / 2
-        return Touching(tuple((x, y, side) for x, y in self.points for side in (-z, z)))
+        return tuple((x, y, side) for x, y in self.points for side in (-z, z))
 
     @model_validator(mode="after")
     def _convex(self) -> Self:

@@ -10,7 +10,7 @@ import numpy as np
 
 from linkwork.formats import poses, xml
 from linkwork.formats.mjcf.fluid_elements import axes_of_box
-from linkwork.formats.mjcf.geoms import BETWEEN, mesh_file, size_of
+from linkwork.formats.mjcf.geoms import BETWEEN, corners_of, mesh_file, size_of
 from linkwork.formats.mjcf.laws import number, numbers
 from linkwork.formats.mjcf.model_plan import Move, Seat
 from linkwork.formats.mjcf.sheet import Sheet, placed, put
@@ -200,20 +200,26 @@ def write_geom(sheet: Sheet, element: ET.Element, seat: Seat, shape: Shape) -> N
         sheet.unshown[seat.body] = None
         return
     own = {"size": numbers(size)} if size is not None else {"mesh": str(mesh)}
-    fields = {"type": shape.type} | own | placed(poses.of_frame(shape.frame))
+    kind = shape.type if size is not None else "mesh"
+    fields = {"type": kind} | own | placed(poses.of_frame(shape.frame))
     colour = {} if shape.colour is None else {"rgba": numbers((*shape.colour, 1))}
     ET.SubElement(element, "geom", attrib=fields | colour)
 
 
 def mesh_of(sheet: Sheet, shape: Shape) -> str | None:
-    """Return the name of a file's mesh among the assets, or None where MuJoCo does not read it."""
-    found = mesh_file(shape)
-    if found is None or sheet.folder is None:
-        return None
+    """Return the name among the assets of a file's mesh, or of the hull of a shape's corners; None
+    where there is none that MuJoCo reads."""
     # One asset for each file and scale; MuJoCo weighs none, but has to be able to.
-    path, scale = found
-    file = Path(os.path.relpath(path.resolve(), sheet.folder)).as_posix()
-    own = {"file": file, "scale": numbers(scale), "inertia": "shell"}
+    if corners := corners_of(shape):
+        own = {"vertex": numbers(number for corner in corners for number in corner)}
+    else:
+        found = mesh_file(shape)
+        if found is None or sheet.folder is None:
+            return None
+        path, scale = found
+        file = Path(os.path.relpath(path.resolve(), sheet.folder)).as_posix()
+        own = {"file": file, "scale": numbers(scale)}
+    own["inertia"] = "shell"
     for asset in sheet.sections["asset"]:
         if all(asset.get(key) == value for key, value in own.items()):
             return asset.attrib["name"]

@@ -78,6 +78,6 @@ def tell_differences(sheet: Sheet) -> None:
     ]
     if unshown:
         say(
-            f"{', '.join(unshown)}: has shapes that are left out: polygons, meshes of files "
-            "that MuJoCo does not read, or those of a body that is no body in MJCF"
+            f"{', '.join(unshown)}: has shapes that are left out: meshes of files that "
+            "MuJoCo does not read, or those of a body that is no body in MJCF"
         )

@@ -136,6 +136,9 @@ def mesh_shown(
         return []
     try:
         asset = meshes.asset(element)
+        if plate := asset.plate:
+            frame = poses.frame_of(X @ document.pose(element))
+            return [plate.model_copy(update={"frame": frame, **look})]
         if asset.path is None:
             raise LinkworkError("it has no file of its own")
         turned = not np.allclose(asset.reference[:3, :3], np.eye(3), rtol=0, atol=NEAR)
@@ -155,6 +158,11 @@ def mesh_shown(
 def size_of(shape: Shape) -> tuple[float, ...] | None:
     """Return the size of a shape as a geom; None for one that is none, such as a polygon."""
     return getattr(shape, "half_sizes", ()) or None
+
+
+def corners_of(shape: Shape) -> tuple[tuple[float, float, float], ...]:
+    """Return the corners of a shape that is the hull of them, such as a polygon; none of others."""
+    return getattr(shape, "corners", ())
 
 
 def mesh_file(shape: Shape) -> tuple[Path, tuple[float, ...]] | None:

@@ -21,6 +21,7 @@ from linkwork.formats.mjcf.attachments import mesh_name
 from linkwork.formats.mjcf.document import Document
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element, shortened
+from linkwork.mechanism import MechanismError, Polygon
 from linkwork.solids.mesh_files import has_groups, read_mesh
 from linkwork.solids.solid import Solid
 from linkwork.solids.triangles import MODES, Mode, Triangles, hull_of, weighed
@@ -94,6 +95,23 @@ class MeshAsset:
         if mode == "convex" and most > 3:
             mesh, mode = hull_of(mesh.vertices, f"Qt Q9 TA{int(most) - 4}"), "exact"
         return weighed(mesh, mode)
+
+    @property
+    def plate(self) -> Polygon | None:
+        """Return the plate on a convex polygon whose corners are all vertices, those of both faces
+        one after the other; None for other meshes."""
+        elsewhere = {"scale", "refpos", "refquat", "face", "file"} & {*self.element.attributes}
+        if elsewhere or "vertex" not in self.element.attributes:
+            return None
+        points = _numbers(self.element, "vertex", float)
+        low, high = points[::2], points[1::2]
+        z = abs(points[0, 2]) if len(points) else 0.0
+        if len(low) != len(high) or (low != high * (1, 1, -1)).any() or (high[:, 2] != z).any():
+            return None
+        try:
+            return Polygon(points=tuple(map(tuple, low[:, :2].tolist())), thickness=float(2 * z))
+        except MechanismError:
+            return None
 
     def cautions(self) -> list[str]:
         """Return what to know of a mesh that is weighed as MuJoCo weighs it."""
