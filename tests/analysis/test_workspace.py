@@ -1,6 +1,7 @@
 """Workspaces: areas and edges by geometry, branches kept, isotropic velocity and force by brute
 force."""
 
+import inspect
 import sys
 import threading
 import time
@@ -247,3 +248,42 @@ def test_as_many_threads_as_processors_may_be_used(monkeypatch):
         [slice(k, k + 1) for k in range(4)],
     )
     assert len(set(threads)) == 1
+
+
+def delta_legs(robot, poses, radii, arm, rod):
+    """Return both angles of each motor (N, 3, 2) at poses, by the legs' closed form: the elbow lies
+    on a circle, and at the rod's length from the platform."""
+    base, platform = radii
+    found = []
+    for i in (1, 2, 3):
+        e = np.array(robot.mechanism.joints[f"motor_{i}"].frames[0].position)
+        e = e / np.linalg.norm(e)
+        x, y, z = poses @ e + platform - base, poses @ np.cross([0, 0, 1], e), poses[:, 2]
+        middle = np.arctan2(z, -x)
+        with np.errstate(invalid="ignore"):
+            cosine = (rod**2 - x**2 - y**2 - z**2 - arm**2) / (2 * arm * np.hypot(x, z))
+            found.append(np.stack([middle + np.arccos(cosine), middle - np.arccos(cosine)], -1))
+    return np.stack(found, axis=1)
+
+
+def test_two_legs_of_a_delta_turned_over_are_another_working_mode():
+    """The determinant of its legs is one number, which has the same sign there: each pose that is
+    reached has all three motors on the branch of home, by their closed form."""
+    robot, axis = built("delta"), np.linspace(-1.2, 1.2, 17)
+    given = inspect.signature(lw.robots.delta).parameters
+    sizes = {name: of.default for name, of in given.items()}
+    radii = sizes["base_radius"], sizes["platform_radius"]
+    mapped = workspace(robot, {"x": axis, "y": axis, "z": np.linspace(-1.4, 1.4, 21)})
+    reached = mapped.reachable.values.ravel()
+    grid = [part.ravel() for part in np.meshgrid(axis, axis, mapped.z.values, indexing="ij")]
+    both = delta_legs(robot, np.column_stack(grid), radii, sizes["arm"], sizes["rod"])
+    centre = np.array([[0.0, 0.0, -sizes["height"]]])
+    home = delta_legs(robot, centre, radii, sizes["arm"], sizes["rod"])[0]
+    motors = robot.home.positions[:3]
+    kept = int(np.argmin(np.abs(home[0] - motors[0])))
+    np.testing.assert_allclose(home[:, kept], motors, atol=1e-9)
+    found = mapped.actuator_position.values.reshape(-1, 3)[reached]
+    np.testing.assert_allclose(np.exp(1j * found), np.exp(1j * both[reached][..., kept]), atol=1e-6)
+    # Above the base, too, and hardly anything is left out where the platform does not let go.
+    assert 0.35 < reached.sum() / np.isfinite(both[..., 0]).all(axis=1).sum() < 0.6
+    assert mapped.z.values[mapped.reachable.any(["x", "y"]).values].max() > 0.3

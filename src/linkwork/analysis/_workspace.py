@@ -22,14 +22,16 @@ Source: Merlet 2006, Parallel Robots, ch. 7 (workspaces); Gosselin & Angeles 199
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.analysis._jacobians import Jacobians, jacobians
+from linkwork.analysis.grid_branches import PARTS, GridBranch, actuated, coupled
 from linkwork.analysis.newton import CHUNK, Solver, in_threads, solver
 from linkwork.analysis.singular_values import singular_values
 from linkwork.equations.algebra import wrapped
@@ -45,6 +47,9 @@ if TYPE_CHECKING:
 
 FAR, NEAR = 12, 10  # Newton steps from the guess, and from a neighbour
 SINGULAR = 1e-9
+Step = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Solve poses (N, n) from configurations (N, nq) at others (N, n): configurations, and whether they
+are solved."""
 MEANING = {
     "conditioning": ("1", "1 / cond K"),
     "det_A": ("1", "det A over that at the reference"),
@@ -100,7 +105,8 @@ def workspace(
     start = (robot.home if guess is None else robot.own(guess)).q
     if start.ndim != 1:
         raise LinkworkError("the guess is a stack of states; give one of them")
-    q, good = reach(problem, replace(poses, values=J.inverse.asked.given(poses.values)), start)
+    held = replace(poses, values=J.inverse.asked.given(poses.values))
+    q, good = reach(problem, held, start, J)
     good[good] = within(robot, q[good], bounds(robot, limits))
     return dataset(
         J,
@@ -153,7 +159,9 @@ def read_grid(robot: Robot, grid: Mapping[str, ArrayLike]) -> dict[str, np.ndarr
     return axes
 
 
-def reach(problem: Solver, poses: Poses, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def reach(
+    problem: Solver, poses: Poses, start: np.ndarray, J: Jacobians
+) -> tuple[np.ndarray, np.ndarray]:
     """Return configurations (N, nq) at the poses, and which of these are reached on the working
     mode of the start (N)."""
     determinants = problem.verdict(start, poses.values[0])[1]
@@ -163,16 +171,28 @@ def reach(problem: Solver, poses: Poses, start: np.ndarray) -> tuple[np.ndarray,
         )
     mode = np.sign(determinants)
     q, good = problem.solve(start, poses.values, FAR, mode)
+    if not coupled(J):
+        spread(poses, q, good, lambda q, _, end: problem.solve(q, end, NEAR, mode))
+        return q, good
+    # Signs do not tell all branches: what hangs together with the start is what is reached.
+    branch = GridBranch(J, problem, mode)
+    good = branch.own(poses.shape, q, good, poses.values, start)
+    for parts in (1, PARTS):
+        spread(poses, q, good, partial(branch.advanced, parts=parts))
+    return q, good
+
+
+def spread(poses: Poses, q: np.ndarray, good: np.ndarray, step: Step) -> None:
+    """Solve, wave by wave, the poses beside those that are solved; q, good: written to."""
     fresh = good.copy()
     while fresh.any():
         targets, sources = neighbours(poses.shape, fresh, ~good)
         fresh = np.zeros(good.size, bool)
         if not targets.size:
             break
-        tried, solved = problem.solve(q[sources], poses.values[targets], NEAR, mode)
+        tried, solved = step(q[sources], poses.values[sources], poses.values[targets])
         q[targets[solved]] = tried[solved]
         fresh[targets[solved]] = good[targets[solved]] = True
-    return q, good
 
 
 def neighbours(
@@ -341,14 +361,6 @@ def measured_at(
                 np.swapaxes(inverse[:, own, :], -1, -2), forces
             )
     return found
-
-
-def actuated(J: Jacobians, q: np.ndarray) -> np.ndarray:
-    """Return the actuated coordinates (N, n), angles within half a turn of those at home."""
-    robot = J.robot
-    places = [robot.coordinates.index(name) for name in J.direct.what]
-    values, home = robot.kernel("positions")(q)[0][:, places], robot.home.positions[places]
-    return np.where(robot.labels.angular[places], home + wrapped(values - home), values)
 
 
 def largest_ball(rows: np.ndarray, bound: np.ndarray) -> np.ndarray:
