@@ -61,7 +61,8 @@ class MuJoCoSide:
         self.data = mj.MjData(self.model)
         self.nv, self.start = self.model.nv, self.model.qpos0.copy()
         self.bodies = {
-            self.model.body(k).name.replace(".", "_"): k for k in range(1, self.model.nbody)
+            (self.model.body(k).name or f"body_{k}").replace(".", "_"): k
+            for k in range(1, self.model.nbody)
         }
 
     def stepped(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
