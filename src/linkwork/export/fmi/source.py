@@ -114,7 +114,8 @@ def sources(
         "NAMES": ",\n".join(f'    "{safe(each.name)}"' for each in numbers),
     }
     # The files.
-    pieces = ["fmu_opening.c", *["fmu_given.c"] * free, *["fmu_other_charts.c"] * closed]
+    pieces = ["fmu_opening.c", *["fmu_given.c"] * free, "fmu_choices.c"]
+    pieces += ["fmu_other_charts.c"] * closed
     pieces += ["fmu_reactions.c"] * (balance is not None)
     model = "\n".join(filled(piece, DIALECT, given) for piece in (*pieces, "fmu_model.c"))
     equations = source_text(

@@ -1,31 +1,3 @@
-#define LW_DRIFTED ((lw_real)1e-3) /* gap of states that an event closes */
-#define LW_FARTHEST ((lw_real)0.02) /* that closing the loops moves a coordinate, in own units */
-#define LW_BETTER ((lw_real)0.5) /* strength of a choice, over that of the best, that is weak */
-
-static void lw_chosen(const lw_choice *from, lw_chart *to)
-{
-    int k;
-    to->own = from->own;
-    for (k = 0; k < LW_V; ++k) {
-        to->independent[k] = from->independent[k];
-    }
-    for (k = 0; k < LW_W; ++k) {
-        to->is_dependent[k] = from->is_dependent[k];
-    }
-}
-
-static void lw_choose(const lw_chart *from, lw_choice *to)
-{
-    int k;
-    to->own = from->own;
-    for (k = 0; k < LW_V; ++k) {
-        to->independent[k] = from->independent[k];
-    }
-    for (k = 0; k < LW_W; ++k) {
-        to->is_dependent[k] = from->own ? 0 : from->is_dependent[k];
-    }
-}
-
 void lw_model_reset(lw_model *model)
 {
     static const lw_real start[LW_VALUES] = START_VALUES;
@@ -162,57 +134,27 @@ OTHERWISE    }
     return LW_OK;
 }
 
-/* The weakest pivot of the own chart. */
-static lw_real lw_own_strength(const lw_real *q TAKING_P)
-{
-    const lw_real rest[LW_V] = {0};
-    lw_real w[LW_W], pivot[1];
-    lw_rates_code(q, rest WITH_P, w, pivot);
-    return fabs(pivot[0]);
-}
-
-/* Whether the kept choice is weak. */
-static int lw_is_weak(const lw_model *model TAKING_P)
-{
-    const lw_real own = lw_own_strength(model->closed_q WITH_P);
-OTHERWISE    if (!model->kept.own) {
-OTHERWISE        lw_chart kept;
-OTHERWISE        lw_chosen(&model->kept, &kept);
-OTHERWISE        return own > LW_REUSED
-OTHERWISE            || lw_strength(model->closed_q, &kept WITH_P)
-OTHERWISE                < LW_BETTER * lw_strength(model->closed_q, 0 WITH_P);
-OTHERWISE    }
-    return !(own > LW_WEAK);
-}
-
 int lw_model_is_due(const lw_model *model)
 {
-WITHFREE    const lw_parameters given = lw_given(model->values), *p = &given;
-    return model->moved || model->values[LW_AT_GAP] > LW_DRIFTED || lw_is_weak(model WITH_P);
+    int is_due = model->moved || model->values[LW_AT_GAP] > LW_DRIFTED;
+OTHERWISE    is_due = is_due || lw_is_weak(model);
+    return is_due;
 }
 
 lw_status lw_model_event(lw_model *model, int *changed)
 {
     lw_real *values = model->values;
-WITHFREE    const lw_parameters given = lw_given(values), *p = &given;
-    int weak;
+    int is_new = 0;
     lw_status status = lw_model_evaluate(model);
     *changed = 0;
     if (status != LW_OK) {
         return status;
     }
-    weak = lw_is_weak(model WITH_P);
-    if (weak) {
-        lw_chart chart;
-        lw_own_chart(&chart);
-OTHERWISE        if (!(lw_own_strength(model->closed_q WITH_P) > LW_REUSED)
-OTHERWISE            && !lw_best_chart(model->closed_q WITH_P, &chart)) {
-OTHERWISE            return LW_SINGULAR;
-OTHERWISE        }
-        lw_choose(&chart, &model->kept);
-        model->changes += 1;
-    }
-    if (weak || model->moved || values[LW_AT_GAP] > LW_CLOSED) {
+OTHERWISE    status = lw_choose_again(model, &is_new);
+OTHERWISE    if (status != LW_OK) {
+OTHERWISE        return status;
+OTHERWISE    }
+    if (is_new || model->moved || values[LW_AT_GAP] > LW_CLOSED) {
         lw_copy(LW_Q, model->closed_q, values + LW_AT_Q);
         lw_copy(LW_W, model->closed_w, values + LW_AT_W);
         model->moved = 0;

@@ -1,3 +1,12 @@
+/* The weakest pivot of the own chart. */
+static lw_real lw_own_strength(const lw_real *q TAKING_P)
+{
+    const lw_real rest[LW_V] = {0};
+    lw_real w[LW_W], pivot[1];
+    lw_rates_code(q, rest WITH_P, w, pivot);
+    return fabs(pivot[0]);
+}
+
 /* The weakest pivot of a choice of rates; of the best one without a choice. */
 static lw_real lw_strength(const lw_real *q, const lw_chart *chart TAKING_P)
 {
@@ -9,6 +18,39 @@ static lw_real lw_strength(const lw_real *q, const lw_chart *chart TAKING_P)
     lw_free_closure_code(q WITH_P, phi, Phi, gap);
     lw_scaled(Phi, phi, A);
     return lw_reduce(A, chart ? chart->is_dependent : all, rows, columns);
+}
+
+/* Whether the kept choice is weak: the own one is left where it is evaluated. */
+static int lw_is_weak(const lw_model *model)
+{
+    const lw_real *q = model->closed_q;
+    lw_chart kept;
+WITHFREE    const lw_parameters given = lw_given(model->values), *p = &given;
+    if (model->kept.own) {
+        return 0;
+    }
+    lw_chosen(&model->kept, &kept);
+    return lw_own_strength(q WITH_P) > LW_REUSED
+        || lw_strength(q, &kept WITH_P) < LW_BETTER * lw_strength(q, 0 WITH_P);
+}
+
+/* Choose the independent rates anew where they are weak: the own ones where these are strong. */
+static lw_status lw_choose_again(lw_model *model, int *is_new)
+{
+    lw_chart chart;
+WITHFREE    const lw_parameters given = lw_given(model->values), *p = &given;
+    *is_new = lw_is_weak(model);
+    if (!*is_new) {
+        return LW_OK;
+    }
+    lw_own_chart(&chart);
+    if (!(lw_own_strength(model->closed_q WITH_P) > LW_REUSED)
+        && !lw_best_chart(model->closed_q WITH_P, &chart)) {
+        return LW_SINGULAR;
+    }
+    lw_choose(&chart, &model->kept);
+    model->changes += 1;
+    return LW_OK;
 }
 
 /* Solve Phi x = b for the dependent rates, the independent ones being given in x. */

@@ -1,0 +1,104 @@
+"""FMUs by importers that are not FMPy: one in C, here and on emulated ARM, fmusim, and VDMCheck3's
+judgement, where these are."""
+
+import csv
+import os
+import shutil
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+
+from tests.catalogue import built
+from tests.export import fmus
+from tests.export.compiled import run
+from tests.export.test_fmu_files import HEADERS
+
+IMPORTER = Path(__file__).with_name("importer.c")
+DURATION, STEPS = 0.2, 10
+FORCES = {"slide_1": 1.0, "slide_2": -2.0}
+FMUSIM = shutil.which("fmusim")
+VDMCHECK = os.environ.get("VDMCHECK3")
+
+
+def expected() -> np.ndarray:
+    robot = built("prr3")
+    run = robot.simulate(robot.home, FORCES, duration=DURATION, rtol=1e-11, atol=1e-12)
+    return run.final.positions
+
+
+def arm(*tools: str) -> bool:
+    return all(map(shutil.which, tools)) and find_spec("ziglang") is not None
+
+
+@pytest.mark.parametrize(
+    ("compiler", "emulator", "platform"),
+    [
+        ("gcc", [], fmus.OWN),
+        pytest.param(
+            "aarch64-linux-gnu-gcc",
+            ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"],
+            "aarch64-linux",
+            marks=pytest.mark.skipif(
+                not arm("aarch64-linux-gnu-gcc", "qemu-aarch64"),
+                reason="needs zig, aarch64-linux-gnu-gcc and qemu-aarch64",
+            ),
+        ),
+    ],
+)
+def test_an_importer_in_c_simulates(compiler, emulator, platform, tmp_path):
+    robot = built("prr3")
+    if platform == fmus.OWN:
+        export = lw.export.fmu(robot, platforms=())  # pyright: ignore[reportArgumentType]
+        archive = fmus.built(export, tmp_path)
+        library = Path(fmus.extracted(archive)) / f"binaries/{platform}/{export.name}.so"
+    else:
+        export = lw.export.fmu(robot, platforms=[platform])
+        library = tmp_path / f"{export.name}.so"
+        library.write_bytes(export.files[f"binaries/{platform}/{export.name}.so"])
+    importer = tmp_path / "importer"
+    run([shutil.which(compiler) or compiler, f"-I{HEADERS}", "-o", importer, IMPORTER, "-ldl"])
+    token = export.files["modelDescription.xml"].decode().split('instantiationToken="')[1]
+    place = {name: str(k) for k, name in enumerate(export.variables)}
+    words = [token.split('"')[0], STEPS, DURATION / STEPS, len(FORCES)]
+    for name, force in FORCES.items():
+        words += [place[f"force.{name}"], force]
+    words += [place[f"joint.{each}"] for each in robot.coordinates] + [place["closure_error"]]
+    found = [*map(float, run([*emulator, importer, library, *map(str, words)]).split())]
+    np.testing.assert_allclose(found[:-1], expected(), atol=1e-7)
+    assert found[-1] < 1e-12
+
+
+@pytest.mark.skipif(FMUSIM is None, reason="fmusim (github.com/modelica/fmusim) is not on the path")
+@pytest.mark.parametrize("version", ["3.0", "2.0"])
+def test_fmusim_simulates(version, tmp_path):
+    robot = built("prr3")
+    export = lw.export.fmu(robot, version, platforms=())  # pyright: ignore[reportArgumentType]
+    file = fmus.built(export, tmp_path)
+    words = [
+        FMUSIM or "",
+        "simulate",
+        "--stop-time",
+        DURATION,
+        "--output-file",
+        tmp_path / "out.csv",
+    ]
+    for name, force in FORCES.items():
+        words += ["--start-value", f"force.{name}={force}"]
+    run([*map(str, words), file])
+    with (tmp_path / "out.csv").open() as table:
+        *_, last = csv.DictReader(table)
+    found = [float(last[f"joint.{each}"]) for each in robot.coordinates]
+    np.testing.assert_allclose(found, expected(), atol=1e-4)
+
+
+@pytest.mark.skipif(
+    VDMCHECK is None or shutil.which("java") is None,
+    reason="VDMCheck3 needs Java, and VDMCHECK3 to name its jar",
+)
+def test_vdmcheck_finds_no_fault(tmp_path):
+    file = lw.export.fmu(built("prr3"), platforms=()).write(tmp_path / "prr3.fmu")  # pyright: ignore[reportArgumentType]
+    assert "No errors found" in run(["java", "-jar", VDMCHECK or "", file])
