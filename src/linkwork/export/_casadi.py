@@ -89,7 +89,7 @@ class CasadiFunctions(Mapping[str, ca.Function]):
         return len(PARTS) - len(self.missing)
 
     def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *self]
+        return [*super().__dir__(), *PARTS]
 
     @cached_property
     def arrays(self) -> dict[str, tuple[tuple[str, str], ...]]:
@@ -103,11 +103,12 @@ class CasadiFunctions(Mapping[str, ca.Function]):
     def missing(self) -> dict[str, str]:
         """The functions that the robot cannot have, and why, in a sentence each."""
         found = {}
-        for name, part in PARTS.items():
-            try:
-                part.refuse(*self._of)
-            except LinkworkError as error:
-                found[name] = str(error)
+        with announced(f"finding which functions {self.name} has"):
+            for name, part in PARTS.items():
+                try:
+                    part.refuse(*self._of)
+                except LinkworkError as error:
+                    found[name] = str(error)
         return found
 
     @property
