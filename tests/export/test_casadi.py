@@ -17,6 +17,7 @@ from linkwork.export.parts import PARTS
 
 from tests.catalogue import built
 from tests.export.compiled import compiler, run
+from tests.hostile.mechanisms import subjects
 from tests.processes import PATIENCE
 from tests.robot.test_reactions import MIXED
 
@@ -106,6 +107,16 @@ def test_functions_give_the_numbers_of_the_robot(name, chart):
             assert value.shape == np.shape(np.atleast_1d(wanted))
             error = np.abs(value - wanted).max(initial=0.0)
             assert error < (1e-9 if function == "reactions" else 1e-11) * scale, (function, output)
+
+
+def test_reactions_of_a_mechanism_of_micrometres():
+    """Their equations are written without units."""
+    robot = subjects()["five bar x1e-06 m x1 kg"].robot
+    state, u = robot.home.with_rates([3.0, -2.0]), np.array([1e-12, 2e-12])
+    found = np.array(robot.functions().reactions(state.q, state.rates, u)[0])
+    wanted = robot.reactions(state, u).wrenches.T
+    for rows in (slice(3), slice(3, 6)):
+        assert np.abs(found[rows] - wanted[rows]).max() < 1e-12 * np.abs(wanted[rows]).max()
 
 
 @pytest.mark.parametrize("name", ["prr3", "delta"])

@@ -35,13 +35,15 @@ MOMENT = ca.DM([1, 1, 1, 0, 0, 0])
 
 class ScaledLoads(NamedTuple):
     """Hold what bodies need (6r), mass centres (3r), origins of F1 and F2 (6J), a twist of each
-    rate (6m) and forces on the rates (m), with lengths over one length."""
+    rate (6m) and forces on the rates (m), with lengths over one length; sizes (m): that length of
+    turns, 1 of slides, by which forces on rates are divided."""
 
     needed: ca.SX
     centres: ca.SX
     origins: ca.SX
     twists: ca.SX
     f: ca.SX
+    sizes: ca.DM
 
 
 def reactions(robot: Robot, equations: Equations) -> ca.Function:
@@ -84,12 +86,15 @@ def scaled_loads(loads: Sequence[ca.SX], length: float) -> ScaledLoads:
     """Return loads of `equations.reactions` with lengths over one length."""
     needed, centres, origins, twists, f = loads
     unit = units(length)
+    along = ca.vertsplit(twists, 6) if f.numel() else []
+    sizes = ca.DM([length if turns(twist) else 1.0 for twist in along])
     return ScaledLoads(
         needed / ca.repmat(unit, needed.numel() // 6, 1),
         centres / length,
         origins / length,
-        twists * ca.repmat(unit, twists.numel() // 6, 1),
-        f,
+        twists * ca.repmat(unit, len(along), 1) / ca.kron(sizes, ca.DM.ones(6, 1)),
+        f / sizes,
+        sizes,
     )
 
 
@@ -116,7 +121,8 @@ def system(
     G = SX(len(gears), len(labels))
     for row, gear in enumerate(gears):
         for label, ratio in gear.ratios.items():
-            G[row, labels.index(label)] = ratio
+            place = labels.index(label)
+            G[row, place] = ratio / loads.sizes[place]
     # The balance of bodies, and along all rates but the independent ones.
     left = [k for k, label in enumerate(labels) if label not in without]
     C = ca.vertcat(
