@@ -20,9 +20,10 @@ from hypothesis import strategies as st
 from linkwork.equations import body_motion, closure, cut_coordinates
 from linkwork.equations.algebra import SX
 from linkwork.equations.closure import Cut
+from linkwork.equations.growing import grow
 from linkwork.equations.reference import unit
 from linkwork.equations.topology import span
-from linkwork.equations.tree import Tree, grow
+from linkwork.equations.tree import Tree
 from linkwork.mechanism import (
     Body,
     Frame,

@@ -17,8 +17,8 @@ from functools import cached_property
 import numpy as np
 
 from linkwork.equations import Equations
+from linkwork.equations.growing import regroup
 from linkwork.equations.moments import Moments
-from linkwork.equations.tree import regroup
 from linkwork.errors import LinkworkError
 from linkwork.formats import poses
 from linkwork.formats.mjcf.model_plan import Home, ModelPlan, Move, plan

@@ -20,15 +20,16 @@ from linkwork.equations import bearings, closure, cut_coordinates, gears, mobili
 from linkwork.equations.algebra import SX, dense, symbol
 from linkwork.equations.chart import choose_chart
 from linkwork.equations.equations import ClosureRows, Equations, scaled, sizes, smallest_singular
+from linkwork.equations.growing import grow
+from linkwork.equations.homing import ROUNDED, closed_reference, closing, home, jacobians
 from linkwork.equations.independence import choose_independent, independent_rows, largest_rows
 from linkwork.equations.joint_map import JointMap, counted, derivative
 from linkwork.equations.lengths import loop_length, own_length
-from linkwork.equations.nearest import moved, nearest
+from linkwork.equations.nearest import moved
 from linkwork.equations.reference import (
     OPEN,
     ROUNDED_DAMPING,
     OpenLoopsError,
-    System,
     bends,
     close,
     described,
@@ -39,7 +40,7 @@ from linkwork.equations.reference import (
 )
 from linkwork.equations.reflections import reflect
 from linkwork.equations.topology import Topology, counting, driven_rates, ended, span
-from linkwork.equations.tree import Tree, grow
+from linkwork.equations.tree import Tree
 from linkwork.mechanism import Mechanism, MechanismError
 from linkwork.mechanism.numbers import free_numbers, replaced
 
@@ -47,7 +48,6 @@ STAYS_OPEN = 1e-9
 TURNS_OUT = 1e-9
 SHOWN = 6  # coordinates in a note
 REGULAR = 1e-3  # least singular value at a bent reference, in own units
-ROUNDED = 1e-6  # gap of redundant rows, over the loop's extents, that rounded numbers explain
 ROUNDED_RANK = 1e-5
 """Singular value over the largest, and what is left of a row over the longest, that rounded numbers
 make."""
@@ -63,10 +63,6 @@ ASIDE = (
 UNHELD = (
     "redundant rows stay open by up to {:.2g} near home (lengths over the mechanism's own, and "
     "rad), as rounded numbers leave them: {}; the other rows are closed exactly, these are not held"
-)
-FLIPPED = (
-    "the loops close near the reference configuration only with a joint's frames facing opposite "
-    "ways; give joint coordinates nearer to the intended configuration, or turn one of the frames"
 )
 
 
@@ -380,114 +376,6 @@ def bent(tree: Tree, rows: ClosureRows, reference: np.ndarray, rank: int) -> np.
             found.append(closed_reference(tree, rows, [start]))
     values = [float(smallest_singular(Phi, rank)) for Phi in jacobians(tree, rows, found)]
     return found[int(np.argmax(values))] if max(values, default=0.0) > REGULAR else None
-
-
-def jacobians(
-    tree: Tree, rows: ClosureRows, configurations: Iterable[np.ndarray]
-) -> list[np.ndarray]:
-    """Return Phi (rows x nv) at closed configurations, in the mechanism's own units."""
-    evaluated = tree.evaluated("checks", [rows.Phi])
-    return [dense(evaluated(q)[0]) * tree.rate_units / rows.units[:, None] for q in configurations]
-
-
-def closing(tree: Tree, rows: ClosureRows, p: np.ndarray | None = None) -> System:
-    """Return the system that `close` solves, in the mechanism's own units, at p or at the
-    description's numbers."""
-    D_r, D_c = ca.diag(ca.DM(1 / rows.units)), ca.diag(ca.DM(tree.rate_units))
-    scaled_Phi = ca.mtimes(ca.mtimes(D_r, rows.open_Phi), D_c)
-    exact = tree.evaluated(
-        "rows", [rows.phi / rows.units, scaled_Phi, ca.mtimes(tree.derivative_map, D_c)], p
-    )
-
-    def system(q: np.ndarray) -> tuple[np.ndarray, ca.DM, ca.DM]:
-        phi, Phi, derivatives = exact(q)
-        return np.array(phi).ravel(), Phi, derivatives
-
-    return system
-
-
-def home(
-    joints: JointMap,
-    rows: ClosureRows,
-    start: np.ndarray,
-    starts: Iterable[np.ndarray],
-    p: np.ndarray | None = None,
-) -> np.ndarray:
-    """Return the closed configuration nearest to the reference, from the first start that leads to
-    a closed one.
-
-    start: q (nq) of the reference; p: values of the free parameters; the description's if left out
-    """
-    closed = closed_reference(joints.tree, rows, starts, p)
-    found = nearest(closing(joints.tree, rows, p), joints, start, closed, p)
-    return closed if found is closed else closed_reference(joints.tree, rows, [found, closed], p)
-
-
-def closed_reference(
-    tree: Tree, rows: ClosureRows, starts: Iterable[np.ndarray], p: np.ndarray | None = None
-) -> np.ndarray:
-    """Return the closed configuration that is reached from the first start that leads to one.
-
-    p: values of the free parameters; the description's if left out
-    """
-    system, alignment = closing(tree, rows, p), tree.evaluated("alignment", [rows.alignment], p)
-    refusal = MechanismError("there is nothing to close", ("reference",))
-    for start in starts:
-        try:
-            reference = close(system, tree, start)
-        except OpenLoopsError as error:
-            gap = error.gap * rows.units[error.worst]
-            refusal = too_large(tree, start) or open_near_reference(rows.names[error.worst], gap)
-            continue
-        if (gaping := open_unheld(tree, rows, reference, p)) is not None:
-            refusal = gaping
-            continue
-        if float(alignment(reference)[0]) < 0:
-            refusal = MechanismError(FLIPPED, ("reference",))
-            continue
-        return reference
-    raise refusal
-
-
-def open_unheld(
-    tree: Tree, rows: ClosureRows, q: np.ndarray, p: np.ndarray | None
-) -> MechanismError | None:
-    """Return the refusal of a row that is not held and open by more than rounded numbers explain,
-    if there is one."""
-    if rows.unheld is None:
-        return None
-    gaps = np.abs(np.array(closing(tree, rows.unheld, p)(q)[0]))
-    worst = int((gaps / rows.unheld.extents).argmax())
-    if gaps[worst] <= ROUNDED * rows.unheld.extents[worst]:
-        return None
-    return open_near_reference(
-        rows.unheld.names[worst], float(gaps[worst] * rows.unheld.units[worst])
-    )
-
-
-def too_large(tree: Tree, q: np.ndarray) -> MechanismError | None:
-    """Return the refusal of a coordinate that is so large that its rounding leaves loops open, if
-    there is one."""
-    spacings = np.spacing(np.abs(q)) / tree.units
-    if not spacings.max(initial=0.0) > OPEN:
-        return None
-    worst = int(np.argmax(spacings))
-    return MechanismError(
-        f"{tree.coordinates[worst]!r} is {q[worst]:.3g}, which a computer keeps to "
-        f"{np.spacing(abs(q[worst])):.1g} only, so that no loop closes; give it without whole "
-        "turns, or nearer to the mechanism",
-        ("reference",),
-    )
-
-
-def open_near_reference(row: str, gap: float) -> MechanismError:
-    joint, _, what = row.partition(": ")
-    return MechanismError(
-        f"the loops do not close near the reference configuration: {what} of joint {joint!r} "
-        f"stays open by {gap:.3g}; check the joints' frames, or give joint coordinates nearer to "
-        "a closed configuration",
-        ("reference",),
-    )
 
 
 def refuse_out_of_plane(

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from linkwork.equations.derivation import closed_reference, home
+from linkwork.equations.homing import closed_reference, home
 from linkwork.equations.reference import CLOSED, guess, starts
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
