@@ -74,8 +74,7 @@ class Floor:
 
 def in_mujoco(mechanism: lw.Mechanism, floor: Floor, times: np.ndarray) -> np.ndarray:
     """Return where the first foot's body is (K, 3), by MuJoCo from home with forces put on."""
-    import mujoco
-
+    mujoco = load_engine("mujoco", "MuJoCo")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "leg.xml"
         lw.formats.save(mechanism, path)

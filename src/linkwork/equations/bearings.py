@@ -207,9 +207,9 @@ def refuse_open(equations: Equations) -> None:
             found[2 * len(of) :],
         )
         for x, change in zip(carried, changes, strict=True):
-            change = change / sizes @ unfelt
-            along = np.abs(x.T @ change).max(initial=0.0)
-            if along > OPEN * np.linalg.norm(x) * np.abs(change).max(initial=0.0):
+            every_change = np.abs(change / sizes).max(initial=0.0)
+            along = np.abs(x.T @ (change / sizes @ unfelt)).max(initial=0.0)
+            if along > OPEN * np.linalg.norm(x) * every_change:
                 raise MechanismError(
                     "the loops hold more than they need, so that rigid bodies leave open what this "
                     "bearing carries; free a joint of the loop, by a spherical one for example, or "
