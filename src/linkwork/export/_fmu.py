@@ -103,7 +103,7 @@ def fmu(
         An `FmuExport`: `write(file)`, and `notes` on what was left out.
 
     Raises:
-        LinkworkError: a robot without freedom or with friction that sticks by bristles, an output
+        LinkworkError: a robot with friction that sticks by bristles or of bearings, an output
             that it cannot tell, a platform without a compiler, or another choice that there is not.
     """
     if not isinstance(robot, Robot):

@@ -46,10 +46,6 @@ class Abilities:
 
 def abilities(robot: Robot) -> Abilities:
     """Return what an FMU of a robot can do; refuse what cannot move over time."""
-    if not robot.mobility:
-        raise LinkworkError(
-            f"{robot.mechanism.name} has no freedom to move, so that there is nothing to simulate"
-        )
     require_smooth_friction(robot)
     found: dict[str, Program] = {}
     calls, notes = [], []
