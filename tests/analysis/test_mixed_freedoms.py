@@ -6,6 +6,7 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
+import pytest
 
 import linkwork as lw
 from linkwork.analysis import singularity, working_modes, workspace
@@ -66,3 +67,21 @@ def test_a_3_cpr_shifts_by_the_lengths_of_its_legs():
         np.testing.assert_allclose(found, np.hypot(out, z), atol=1e-12)
         np.testing.assert_allclose(robot.tool_pose(state)[3:], 0, atol=1e-12)
     assert len(working_modes(robot)) == 8
+
+
+def test_angles_that_have_no_rates_at_home_are_led_elsewhere():
+    """The hand of a Puma points upwards at home, where roll and yaw are one; beside it they are
+    led, and home is refused in a sentence or told as singular."""
+    mechanism = lw.robots.puma560()
+    names = ("x", "y", "z", "roll", "pitch", "yaw")
+    tools = {n: tool.model_copy(update={"task": names}) for n, tool in mechanism.tools.items()}
+    robot = lw.Robot(mechanism.model_copy(update={"tools": tools}))
+    aside = robot.state(robot.home.positions + np.array([0.1, 0.1, 0.1, 0.2, 0.3, 0.1]))
+    x = robot.task_values(aside)
+    grid = dict(zip(names, [x[0] + np.array([-0.01, 0.0, 0.01]), *x[1:]], strict=True))
+    assert bool(workspace(robot, grid, guess=aside).reachable.all())
+    assert len(working_modes(robot, x.tolist(), starts=2000)) == 8
+    assert robot.conditioning(robot.home) < 1e-9 < 0.1 < robot.conditioning(aside)
+    assert not singularity(robot, aside).kinds
+    with pytest.raises(lw.LinkworkError, match="has no rate at this pose; lead the tool around"):
+        singularity(robot, robot.home)

@@ -41,7 +41,7 @@ from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.mechanism.task import labels
 from linkwork.model import checks, dexterity
-from linkwork.model.asked import task_rows
+from linkwork.model.asked import ToolAsked, task_rows
 from linkwork.model.labels import POSE_ANGLES, POSES
 from linkwork.model.task import Task, task_if_any
 from linkwork.patience import announced
@@ -116,6 +116,7 @@ def singularity(
         )
     # Phi w = 0: do the loops still hold as at the reference? The rates that they allow follow.
     Phi, J_x, J_q = (np.array(part) for part in asked.rows(q, robot.p))
+    ToolAsked(asked.task, robot.equations.tree.length, robot.planar).require_defined(J_x)
     columns, _ = robot.equations.sizes
     rank = len(robot.equations.chart.rows)
     sigma = np.linalg.svd(robot.equations.scaled(Phi), compute_uv=False)

@@ -174,8 +174,10 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None, near: bool = True) 
 
 
 def full_rank(rows: np.ndarray) -> bool:
-    """Tell whether the rows are independent."""
-    return bool(np.linalg.matrix_rank(rows, rtol=DEPENDENT) == len(rows))
+    """Tell whether the rows are defined and independent."""
+    return bool(np.isfinite(rows).all()) and bool(
+        np.linalg.matrix_rank(rows, rtol=DEPENDENT) == len(rows)
+    )
 
 
 def square(
