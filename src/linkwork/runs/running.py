@@ -41,8 +41,9 @@ def simulate(
     left: Left | None = None,
 ) -> Run:
     """Run from a state: see `Robot.simulate`. left: what a run that is resumed had at its end."""
-    acting = {"drives": drives, "wrenches": wrenches, "parameters": parameters}
-    robot, state, runs, settings = prepared(robot, state, forces, settings, left=left, **acting)
+    robot, state, runs, settings = prepared(
+        robot, state, forces, settings, drives, wrenches, parameters, left
+    )
     with ongoing(SIMULATING):
         return recording.simulate(robot, state, runs, settings, left)
 
@@ -52,11 +53,10 @@ def prepared(
     state: State,
     forces: Forces,
     settings: Settings,
-    *,
-    drives: Mapping[str, Any] | None = None,
-    wrenches: Sequence[Any] = (),
-    parameters: Mapping[str, float] | None = None,
-    left: Left | None = None,
+    drives: Mapping[str, Any] | None,
+    wrenches: Sequence[Any],
+    parameters: Mapping[str, float] | None,
+    left: Left | None,
 ) -> tuple[Model, State, System, Settings]:
     """Return the robot with its parameters, where it starts, what is integrated, and how, as
     `simulate` takes them; refuse what does not fit."""

@@ -95,14 +95,13 @@ class Stepper:
         self.dt = checks.positive(dt, "dt", "s")
         fixed = self.dt if method in FIXED else None
         settings = Settings(duration=self.dt, method=method, step=fixed, rtol=rtol, atol=atol)
-        acting = {"drives": drives, "wrenches": wrenches}
         begun, left, own = (
             running.left_by(robot, state) if isinstance(state, Run) else (state, None, {})
         )
         require_one(robot, begun)
         given = {**own, **(parameters or {})} if own else parameters
         self._robot, self._begun, self._system, self._settings = running.prepared(
-            robot, begun, forces, settings, parameters=given, left=left, **acting
+            robot, begun, forces, settings, drives, wrenches, given, left
         )
         self._left = left
         # Where forces are written: to the inputs over time, in each of their pieces.

@@ -146,8 +146,8 @@ class Steppers:
         self._asked = StepDemands(asked, self.dt, CLOSURE * batch.robot.size, first)
         self._inputs = RK4(self.dt).plan.table, inputs.table, timed
         self._seen = np.zeros((N, len(batch.robot.coordinates)))
-        self._charts: dict[object, CompiledChart] = {}
-        self._of = np.full(N, None, object)
+        self._charts: dict[object, tuple[int, CompiledChart]] = {}
+        self._of = np.zeros(N, int)  # the numbers of their charts
         self._teams: list[tuple[CompiledChart, np.ndarray]] | None = None
 
     def __len__(self) -> int:
@@ -223,13 +223,13 @@ class Steppers:
 
     def independent(self, index: int) -> tuple[str, ...]:
         """Return the names of the rates that v holds of a member."""
-        return self._charts[self._of[self._one(index)]].independent
+        return self._chart(self._one(index)).independent
 
     def alone(self, index: int) -> Stepper:
         """Return a `Stepper` of one member as it is: its `run` is told in all quantities, and where
         the member ended its `step` raises why."""
         i, batch = self._one(index), self._batch
-        robot, chart = batch.robot, self._charts[self._of[i]]
+        robot, chart = batch.robot, self._chart(i)
         values = {name: float(given[i]) for name, given in batch.varied.items()}
         own = {name: values.pop(name) for name in list(values) if name in robot.parameters}
         robot = with_parameters(robot, own) if own else robot
@@ -298,9 +298,8 @@ class Steppers:
     def _enter(self, chart: CompiledChart, who: np.ndarray, y: np.ndarray) -> None:
         """Put members at states (M, n) in a chart."""
         herd = self._herd
-        self._charts[chart.key] = chart
-        for i in who.tolist():
-            self._of[i] = chart.key
+        number, _ = self._charts.setdefault(chart.key, (len(self._charts), chart))
+        self._of[who] = number
         herd.held[:, who] = y.T
         seen = y.copy()
         nq = herd.turns.shape[0]
@@ -327,9 +326,13 @@ class Steppers:
 
     def _grouped(self, who: np.ndarray) -> list[tuple[CompiledChart, np.ndarray]]:
         """Return members chart by chart."""
-        keys = self._of[who]
-        groups = [(chart, who[[key is own for own in keys]]) for key, chart in self._charts.items()]
+        numbers = self._of[who]
+        groups = [(chart, who[numbers == number]) for number, chart in self._charts.values()]
         return [(chart, own) for chart, own in groups if own.size]
+
+    def _chart(self, i: int) -> CompiledChart:
+        """Return the chart of a member."""
+        return next(chart for number, chart in self._charts.values() if number == self._of[i])
 
     def _take(self, teams: Sequence[tuple[CompiledChart, np.ndarray]]) -> int:
         """Take the steps that are left of members; return how many had to stop."""
