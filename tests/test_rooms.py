@@ -28,6 +28,7 @@ MAKERS = {
     "formats/sdf/joints.py",
     "formats/sdf/links.py",
     "formats/sdf/reader.py",
+    "formats/sdf/writer.py",
     "formats/urdf/reader.py",
     "formats/urdf/shapes.py",
     "formats/urdf/sidecars.py",

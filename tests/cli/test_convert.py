@@ -58,8 +58,12 @@ def test_a_file_that_exists_is_kept_unless_told_otherwise(tmp_path):
     ("source", "target", "words"),
     [
         ("none.xml", "b.yaml", "none.xml: cannot be read: no such file or directory"),
-        ("prr3", "b.sdf", "SDF is read and not written"),
-        ("prr3", "b.txt", "a model is written as .yaml, .yml, .xml, .mjcf, .urdf, not '.txt'"),
+        ("delta", "b.urdf", "which URDF with loops has no word for"),
+        (
+            "prr3",
+            "b.txt",
+            "a model is written as .yaml, .yml, .xml, .mjcf, .urdf, .sdf, .world, not",
+        ),
         ("nobody", "b.yaml", "there is no robot 'nobody'; name one of the catalogue"),
         ("bad.xml", "b.yaml", "bad.xml: line 1: is not well-formed XML"),
     ],

@@ -45,12 +45,8 @@ def test_suffixes_that_are_not_known(tmp_path):
     ):
         load(tmp_path / "robot.usd")
     with pytest.raises(
-        MechanismError, match=r"SDF is read and not written; write \.xml \(MJCF\), \.urdf or \.yaml"
-    ):
-        save(lw.robots.prr3(), tmp_path / "robot.sdf")
-    with pytest.raises(
         MechanismError,
-        match=r"a model is written as \.yaml, \.yml, \.xml, \.mjcf, \.urdf, not '\.obj'",
+        match=r"a model is written as \.yaml, \.yml, \.xml, \.mjcf, \.urdf, \.sdf, \.world, not",
     ):
         save(lw.robots.prr3(), tmp_path / "robot.obj")
 

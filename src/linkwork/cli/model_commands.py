@@ -164,7 +164,7 @@ def convert(
     ],
     target: Annotated[
         Path,
-        typer.Argument(metavar="B", help="The file to write: .yaml, .xml or .mjcf (MJCF), .urdf."),
+        typer.Argument(metavar="B", help="The file to write: .yaml, .xml or .mjcf, .urdf, .sdf."),
     ],
     reference: Reference = None,
     floating: Floating = False,
@@ -174,8 +174,8 @@ def convert(
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Turn a model file into another: MJCF, URDF or SDF into a mechanism file, that into MJCF
-    or URDF.
+    """Turn a model file into another: MJCF, URDF or SDF into a mechanism file, that into one of
+    them.
 
     What the other format does not hold is said, sentence by sentence.
     """

@@ -1,5 +1,4 @@
-"""Model files: mechanisms read from MJCF, URDF, SDF and the native YAML, written as MJCF,
-URDF and YAML.
+"""Model files: mechanisms read from MJCF, URDF, SDF and the native YAML, and written in each.
 
 imported = load("robot.xml")        Imported(mechanism, notes)
 notes = save(imported.mechanism, "robot.yaml")

@@ -26,16 +26,13 @@ class Format:
         name: what it is called.
         suffixes: of its files.
         root: its root element, by which it is known.
-        module: the module that has `read(root, notes, reading)` and, where files are written,
-            `write(mechanism, path)`.
-        unwritten: why no files are written, and what to do instead.
+        module: the module that has `read(root, notes, reading)` and `write(mechanism, path)`.
     """
 
     name: str
     suffixes: tuple[str, ...]
     root: str
     module: str
-    unwritten: str = ""
 
     def opened(self) -> ModuleType:
         """Import and return the module."""
@@ -45,18 +42,11 @@ class Format:
 FORMATS = (
     Format("MJCF", (".xml", ".mjcf"), "mujoco", "linkwork.formats.mjcf"),
     Format("URDF", (".urdf",), "robot", "linkwork.formats.urdf"),
-    Format(
-        "SDF",
-        (".sdf", ".world"),
-        "sdf",
-        "linkwork.formats.sdf",
-        unwritten="SDF is read and not written; write .xml (MJCF), .urdf or .yaml",
-    ),
+    Format("SDF", (".sdf", ".world"), "sdf", "linkwork.formats.sdf"),
 )
 NATIVE = (".yaml", ".yml")
 MODELS = tuple(suffix for form in FORMATS for suffix in form.suffixes)
 READ = (*NATIVE, *MODELS)
-WRITTEN = (*NATIVE, *(suffix for form in FORMATS if not form.unwritten for suffix in form.suffixes))
 
 
 @dataclass(frozen=True)
@@ -153,8 +143,9 @@ def save(mechanism: Mechanism, path: str | Path) -> tuple[str, ...]:
     """Write a mechanism as a model file, replacing one of that name.
 
     Args:
-        mechanism: what is written; for MJCF its loops are closed first, from its reference.
-        path: .yaml or .yml, the native format; .xml or .mjcf, MJCF; .urdf, URDF with loops.
+        mechanism: what is written; for MJCF and SDF its loops are closed first, from its reference.
+        path: .yaml or .yml, the native format; .xml or .mjcf, MJCF; .urdf, URDF with loops;
+            .sdf or .world, SDF.
 
     Returns:
         Notes: sentences on what the file does not hold or others take otherwise.
@@ -170,7 +161,5 @@ def save(mechanism: Mechanism, path: str | Path) -> tuple[str, ...]:
         return ()
     form = next((form for form in FORMATS if suffix in form.suffixes), None)
     if form is None:
-        raise MechanismError(f"{path}: a model is written as {', '.join(WRITTEN)}, not {suffix!r}")
-    if form.unwritten:
-        raise MechanismError(f"{path}: {form.unwritten}")
+        raise MechanismError(f"{path}: a model is written as {', '.join(READ)}, not {suffix!r}")
     return form.opened().write(mechanism, path)

@@ -11,13 +11,13 @@ greatest that MuJoCo takes.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from linkwork.formats import poses
+from linkwork.formats.files import write_file
 from linkwork.formats.mjcf.body_elements import check, write_body
 from linkwork.formats.mjcf.differences import tell_differences
 from linkwork.formats.mjcf.fluid_elements import write_fluid
@@ -28,7 +28,7 @@ from linkwork.formats.mjcf.model_plan import Home, ModelPlan, plan
 from linkwork.formats.mjcf.sheet import Sheet
 from linkwork.formats.mjcf.tie_elements import write_gears, write_screws, write_springs, write_tie
 from linkwork.formats.notes import Notes
-from linkwork.mechanism import GROUND, Mechanism, MechanismError
+from linkwork.mechanism import GROUND, Mechanism
 
 STIFF = {"solref": "0.02 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
 OPTION = {
@@ -49,15 +49,7 @@ def write_mjcf(mechanism: Mechanism, path: Path) -> tuple[str, ...]:
             cannot be written.
     """
     text, notes = to_mjcf(mechanism, home_of(mechanism), folder=path.absolute().parent)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise MechanismError(
-            f"{path}: cannot be written: {(error.strerror or str(error)).lower()}"
-        ) from None
+    write_file(path, text)
     return notes
 
 

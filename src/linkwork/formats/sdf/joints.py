@@ -49,7 +49,7 @@ TYPES = (
     "gearbox",
 )
 NO_LIMIT = 1e16  # the specification's limit of a joint that has none
-OLD_AXES = 1.5  # the version from which on axes are in the joint's own frame
+OLD_AXES = (1, 5)  # the version from which on axes are in the joint's own frame
 AXES = ("axis", "axis2")
 
 
@@ -74,7 +74,7 @@ class SdfJoint:
 class JointReader:
     """Read joints, those between the bodies that others are made of, and gears."""
 
-    version: float
+    version: tuple[int, int]
     bodies: dict[str, str]  # what links are called here, by their names with those of the models
     notes: Notes
     names: FreeNames

@@ -57,7 +57,7 @@ def read_sdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     """
     if not any(root.each("world", "model", "include")):
         raise root.refusal("holds no <model> and no <world>")
-    version = root.with_attributes({"version": LATEST, **root.attributes}).number("version")
+    version = _version(root)
     top = ScopeReader(reading).top(root)
     scopes = list(top.all())
     _survey(scopes, notes)
@@ -89,6 +89,14 @@ def read_sdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
         )
     except MechanismError as error:
         raise MechanismError(f"{root.file}: {error}") from None
+
+
+def _version(root: Element) -> tuple[int, int]:
+    """Return the version of the format, of which 1.11 is later than 1.5."""
+    root = root.with_attributes({"version": LATEST, **root.attributes})
+    root.number("version")  # which refuses what is none
+    major, _, minor = root.text("version").strip().partition(".")
+    return (int(major), int(minor or 0)) if f"{major}{minor or 0}".isdecimal() else (1, 0)
 
 
 def _survey(scopes: Iterable[Scope], notes: Notes) -> None:

@@ -11,7 +11,6 @@ Source: the URDF specification, https://wiki.ros.org/urdf/XML; `sidecars` for th
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -22,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from linkwork.equations.joints import ElementaryMotion, held_length, motions_of, pattern
 from linkwork.equations.topology import Branch, span
 from linkwork.formats import poses
+from linkwork.formats.files import write_file
 from linkwork.formats.masses import solid_of
 from linkwork.formats.mjcf.laws import numbers
 from linkwork.formats.notes import Notes
@@ -79,15 +79,7 @@ def write_urdf(mechanism: Mechanism, path: Path) -> tuple[str, ...]:
         MechanismError: URDF cannot hold the mechanism, or the file cannot be written.
     """
     text, notes = to_urdf(mechanism)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise MechanismError(
-            f"{path}: cannot be written: {(error.strerror or str(error)).lower()}"
-        ) from None
+    write_file(path, text)
     return notes
 
 
