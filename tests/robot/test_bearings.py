@@ -383,6 +383,7 @@ def horizontal() -> lw.Mechanism:
     [
         (lambda: lw.Robot(horizontal()), "leave open what this bearing carries"),
         (lambda: lw.export.c(slider_crank(), ["step"]), "main, pin, wrist"),
+        (lambda: lw.export.latex(slider_crank()), "closed forms leave out"),
         (
             lambda: lw.motions.fastest(
                 slider_crank(), lw.paths.circle([0, 0], 1), lw.motions.ActuatorLimits(force=1.0)

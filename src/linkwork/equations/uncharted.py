@@ -14,6 +14,7 @@ from linkwork.equations.algebra import SX
 from linkwork.equations.chart import Chart
 from linkwork.equations.equations import Equations, conditions
 from linkwork.equations.functions import function
+from linkwork.mechanism.bearing import require_no_bearings
 
 
 def uncharted(equations: Equations) -> Equations:
@@ -75,7 +76,11 @@ def unbalanced(free: Equations, applied: ca.SX, a: ca.SX, multipliers: ca.SX) ->
 
 def balance(free: Equations, applied: ca.SX) -> dict[str, ca.SX]:
     """Return q' (nq), H (nv x nv), the applied forces + f - h (nv), and gamma (rows) of equations
-    in which every rate of the tree counts as independent."""
+    in which every rate of the tree counts as independent; refuse bearings, whose friction depends
+    on the accelerations that a chart gives."""
+    require_no_bearings(
+        free.mechanism.joints, "equations before a chart is chosen leave out", "choose a chart"
+    )
     return {
         "derivatives": free.tree.derivatives(free.v),
         "H": free.inertia[0],

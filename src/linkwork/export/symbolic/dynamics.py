@@ -18,6 +18,7 @@ from linkwork.errors import LinkworkError
 from linkwork.export.symbolic.chain import Chain
 from linkwork.export.symbolic.trig import ZERO, Trig, applied, dot, symbol
 from linkwork.mechanism import Mechanism
+from linkwork.mechanism.bearing import require_no_bearings
 
 Entries = Mapping[tuple[str, str], Trig]
 
@@ -83,6 +84,11 @@ def weights(chain: Chain, labels: Sequence[str]) -> dict[str, Trig]:
 
 def refuse_others(equations: Equations) -> None:
     """Refuse what acts in M, C v and G beside bodies and rotors."""
+    require_no_bearings(
+        equations.mechanism.joints,
+        "closed forms leave out",
+        "print the robot without it",
+    )
     mechanism: Mechanism = equations.mechanism
     for name in ("transmissions", "lifts", "drags"):
         if getattr(mechanism, name):
