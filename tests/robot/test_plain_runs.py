@@ -51,7 +51,7 @@ def test_a_plain_run_comes_to_the_compiled_loop_in_few_moves_between_files(force
     work()
     called = files_called(work, monkeypatch)
     moves = sum(one != other for one, other in pairwise(called))
-    assert called[0].endswith("facade.py")
+    assert called[0].endswith("simulated.py")
     assert called[-1].endswith("integration.py") or called[-1].endswith("tableaus.py")
     assert moves <= MOST_MOVES
 

@@ -11,7 +11,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.cli.motion_commands import OnSingular, simulate
-from linkwork.robot.facade import ACTING, OPTIONS
+from linkwork.robot.simulated import ACTING, OPTIONS
 from linkwork.runs.accuracy import tightened
 from linkwork.runs.settings import ON_SINGULAR, Settings
 from linkwork.simulation import DORMAND_PRINCE, RK4, SHARP_SMART

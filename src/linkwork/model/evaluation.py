@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
-from linkwork.mechanism.bearing import bearings
 from linkwork.model import actuation, checks, undefined
 from linkwork.model.chart_transfer import chart_in, reread
 from linkwork.model.reordering import evaluated
@@ -116,7 +115,7 @@ def actuator_forces(
         f = actuation.idle_left(S, units.inertia(M), f, len(robot.idle))
     weights = np.asarray(W / units.actuators**2)
     u = actuation.least_forces(S, f, weights)
-    if bearings(robot.mechanism.joints):
+    if robot.rubs:
         f, u = borne(robot, state, v_dot, S, u, weights, units)
     actuation.require_driven(S, f, u, parts, state.independent, len(robot.idle))
     return u / units.actuators

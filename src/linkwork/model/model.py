@@ -20,6 +20,7 @@ from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.formats.named import mechanism_of
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
+from linkwork.mechanism.bearing import bearings
 from linkwork.model import checks
 from linkwork.model.asked import Asked, JointsAsked, ToolAsked
 from linkwork.model.assembly import OPEN_LOOPS, Assembler, evaluate
@@ -87,6 +88,11 @@ class Model:
     def names(self) -> Names:
         """Return the names by which controllers read."""
         return Names.of(self.mechanism, self.planar)
+
+    @cached_property
+    def rubs(self) -> bool:
+        """Whether bearings rub by what they carry."""
+        return bool(bearings(self.mechanism.joints))
 
     @cached_property
     def home(self) -> State:

@@ -9,6 +9,7 @@ from linkwork.model.state import Motion, State
 from linkwork.robot.dynamics import Dynamics
 from linkwork.robot.facade import Robot
 from linkwork.robot.kinematics import Kinematics
+from linkwork.robot.simulated import Simulated
 
 if TYPE_CHECKING:
     from linkwork.runs.ensemble import Ensemble
@@ -20,6 +21,7 @@ __all__ = [
     "Motion",
     "Reactions",
     "Robot",
+    "Simulated",
     "SingularError",
     "State",
     "UnreachableError",

@@ -15,7 +15,6 @@ import numpy as np
 
 from linkwork.equations import Equations
 from linkwork.equations.powers import contacts, powers
-from linkwork.mechanism.bearing import bearings
 from linkwork.model import dexterity, task
 from linkwork.model.charts import CompiledChart
 from linkwork.model.reactions import Samples, transmitted
@@ -237,7 +236,7 @@ class SavedStates:
         """Return what a function of q and v gives; with the states of bristles and the friction of
         bearings where there are any."""
         chart, v = self._rated
-        if self.robot.names.strains or bearings(self.robot.mechanism.joints):
+        if self.robot.names.strains or self.robot.rubs:
             return self.system.kernel(chart, name)(self.q, v, self.z, self.u, self.p)
         return chart.compiled(name, make)(self.q, v, self.p_robot)
 

@@ -29,7 +29,6 @@ from linkwork.control.wrenches import Wrench
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.kernels.bound import BoundFunction
-from linkwork.mechanism.bearing import bearings
 from linkwork.model import checks
 from linkwork.model.charts import BUILDING, CompiledChart
 from linkwork.model.labels import Labels
@@ -311,7 +310,7 @@ def system(
     if not isinstance(wrenches, tuple) or wrenches:
         wrenches = several(wrenches, Wrench, "wrenches")
     acts = isinstance(forces, Sampler) or (callable(forces) and not isinstance(forces, GIVEN))
-    joined = joined or bool(bearings(robot.mechanism.joints))
+    joined = joined or robot.rubs
     if not (acts or drives or wrenches or events or joined or robot.names.strains):
         if parameters:
             checks.known(parameters, (), "parameter")
