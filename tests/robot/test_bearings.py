@@ -427,3 +427,38 @@ def test_runs_through_other_charts_and_free_numbers_have_the_same_friction():
     state = freed.home.with_rates([5.0])
     smoother = freed.with_parameters({path: 0.0}).forward_dynamics(state, [0.1])[0]
     assert smoother > freed.forward_dynamics(state, [0.1])[0] + 1
+
+
+@pytest.mark.filterwarnings("ignore:redundant rows stay open")
+@pytest.mark.parametrize("noise", [1e-14, 1e-12, 1e-9, 1e-8])
+def test_axes_that_are_parallel_but_for_rounding_leave_nothing_open_that_counts(noise):
+    """A linkage whose frames lean and lie aside by rounded numbers is the planar one."""
+    described = slider_crank(rate=0.05).mechanism
+    numbers, joints = np.random.default_rng(3), {}
+    for name, joint in described.joints.items():
+        frames = [
+            lw.Frame(
+                position=np.array(frame.position) + CRANK * noise * numbers.normal(size=3),
+                rotation=noise * numbers.normal(size=3),
+            )
+            for frame in joint.frames
+        ]
+        joints[name] = joint.model_copy(update={"frames": tuple(frames)})
+    solid = {
+        name: body.model_copy(update={"inertia": lw.Inertia(xx=0.01, yy=0.01, zz=body.inertia.zz)})
+        for name, body in described.bodies.items()
+    }
+    leaning, plane = (
+        lw.Robot(described.model_copy(update={"joints": each, "bodies": solid}))
+        for each in (joints, described.joints)
+    )
+    found, expected = (
+        robot.forward_dynamics(robot.home.with_rates([5.0]), [0.3]) for robot in (leaning, plane)
+    )
+    close(found, expected, 1e3 * noise * abs(expected[0]) + 1e-10)
+    with pytest.raises(lw.LinkworkError, match="leave open what this bearing carries"):
+        lw.Robot(
+            described.model_copy(
+                update={"joints": joints, "bodies": solid, "gravity": (0.0, 0.0, -G)}
+            )
+        )

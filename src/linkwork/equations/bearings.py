@@ -28,6 +28,7 @@ from linkwork.equations.bearing_loads import BearingLoads, Wrench, rows_of
 from linkwork.equations.closure import jacobian
 from linkwork.equations.equations import Equations
 from linkwork.equations.meeting import TINY
+from linkwork.equations.reflections import DEPENDENT_ROW
 from linkwork.equations.rubbing import rubbing
 from linkwork.equations.symmetric import solve_symmetric, unless
 from linkwork.mechanism import MechanismError
@@ -35,8 +36,7 @@ from linkwork.mechanism import MechanismError
 NEWTON = 8
 """Steps after which phi is found to rounding wherever it is the only one, but for the last few
 thousandths before that bound."""
-DEPENDENT = 1e-9  # singular values below this part of the largest count as zero
-OPEN = 1e-9  # part of what a bearing carries that rigid bodies may leave open
+OPEN = 1e-6  # part of what a bearing carries that rigid bodies may leave open
 
 
 def accelerations(
@@ -187,7 +187,7 @@ def refuse_open(equations: Equations) -> None:
     outputs = []
     for of, by in zip(loads.vectors, every.vectors, strict=True):
         outputs += [x for _, x in of] + [ca.jacobian(x, m) for _, x in by]
-    # The multipliers that no rate of the tree feels.
+    # The multipliers that no rate of the tree feels, but for what rounded numbers leave.
     blocks = [jacobian(equations.tree, cut) for cut in equations.cuts]
     blocks += [gears.row(gear, equations.joints)[1] for gear in equations.mechanism.gears.values()]
     Phi = ca.vertcat(SX(0, equations.nv), *blocks)
@@ -196,10 +196,11 @@ def refuse_open(equations: Equations) -> None:
     numbers = np.random.default_rng(1)
     some = [numbers.standard_normal(symbol.numel()) for symbol in symbols]
     J, *found = (dense(ca.DM(value)) for value in evaluated(equations.reference, *some))
-    sizes = np.linalg.norm(J * equations.tree.rate_units, axis=1)
-    sizes = np.where(sizes > 0, sizes, 1.0)
-    left, values, _ = np.linalg.svd(J * equations.tree.rate_units / sizes[:, None])
-    unfelt = left[:, int((values > DEPENDENT * values.max(initial=0.0)).sum()) :]
+    J, length = J * equations.tree.rate_units, equations.tree.length
+    sizes = [length if row.f is None else 1.0 for cut in equations.cuts for row in cut.rows]
+    sizes = np.array([*sizes, *np.linalg.norm(J[len(sizes) :], axis=1)])
+    left, values, _ = np.linalg.svd(J / sizes[:, None])
+    unfelt = left[:, int((values > DEPENDENT_ROW * values.max(initial=0.0)).sum()) :]
     for own, of in zip(loads.rubbing, loads.vectors, strict=True):
         carried, changes, found = (
             found[: len(of)],
