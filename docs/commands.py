@@ -1,6 +1,7 @@
 """The page of the command line, written from the commands themselves."""
 
 from collections.abc import Iterator
+from enum import Enum
 from typing import Any
 
 import typer
@@ -33,7 +34,8 @@ def entries(group: Any, name: str) -> Iterator[str]:
 
 
 def arguments(command: Any) -> list[str]:
-    return [spelled(p) for p in command.params if p.param_type_name == "argument"]
+    found = [p for p in command.params if p.param_type_name == "argument"]
+    return [spelled(p) if p.required else f"[{spelled(p)}]" for p in found]
 
 
 def entry(command: Any, name: str) -> str:
@@ -49,15 +51,17 @@ def spelled(parameter: Any) -> str:
     metavar = parameter.metavar or parameter.name.upper()
     if parameter.param_type_name == "argument":
         return metavar
-    return ", ".join(parameter.opts) + (
+    return ", ".join([*parameter.opts, *parameter.secondary_opts]) + (
         "" if getattr(parameter, "is_flag", False) else f" {metavar}"
     )
 
 
 def told(parameter: Any) -> str:
-    """Return the help of a parameter, and its default."""
+    """Return the help of a parameter, what it may be, and its default."""
     text = str(parameter.help or "").replace("|", "\\|").replace("<", "&lt;")
     value = parameter.default
+    if isinstance(value, Enum) and parameter.metavar is None:
+        text += f" One of {', '.join(each.value for each in type(value))}."
     if value is None or isinstance(value, bool) or value == "" or callable(value):
         return text
     return f"{text} Default: {value}."

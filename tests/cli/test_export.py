@@ -82,7 +82,13 @@ def test_functions_of_casadi(tmp_path):
         (("f.casadi", "--to", "casadi", "--functions", "no"), "there is no function 'no'"),
         (("no/f.casadi", "--to", "casadi", "--functions", "gravity"), "cannot be written"),
         (("f.casadi", "--to", "casadi", "--misra"), "--misra is of C; give it with --to c"),
-        (("robot.txt",), "a mechanism file ends in .yaml"),
+        (("robot.txt",), "a mechanism file ends in .yaml, not '.txt'"),
+        (("robot.tex",), "ends in .yaml, not '.tex'; give --to latex"),
+        (("robot.fmu",), "give --to fmu"),
+        (("robot.casadi",), "give --to casadi"),
+        (("robot.py",), "give --to sympy"),
+        (("robot.c",), "give --to c --out DIR"),
+        (("robot.urdf",), "'linkwork convert' writes model files such as this"),
     ],
 )
 def test_refusals(words, sentence):

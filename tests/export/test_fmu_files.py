@@ -93,7 +93,7 @@ def test_a_missing_compiler_is_named(monkeypatch):
     ("given", "said"),
     [
         ({"version": "1.0"}, 'version is \'1.0\'; give "3.0" or "2.0"'),
-        ({"outputs": ["speed"]}, "output of an FMU"),
+        ({"outputs": ["speed"]}, "no output 'speed' of an FMU"),
         ({"robot": "bricard", "outputs": ["tool"]}, "the output 'tool' needs a tool"),
         ({"platforms": ["amiga"]}, "platform of an FMU"),
         ({"name": "a b"}, "cannot begin names of C"),

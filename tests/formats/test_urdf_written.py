@@ -74,6 +74,16 @@ def test_what_is_written_is_read_as_the_same_robot(name, tmp_path):
     assert difference(robot, other) < 1e-9
 
 
+def test_ends_that_are_not_bounded_are_read_as_such(tmp_path):
+    mechanism = lw.robots.prr3()
+    joints = dict(mechanism.joints)
+    joints["slide_1"] = joints["slide_1"].model_copy(update={"limits": Limits(upper=0.5)})
+    save(mechanism.model_copy(update={"joints": joints}), tmp_path / "robot.urdf")
+    read = load(tmp_path / "robot.urdf").mechanism
+    assert read.joints["slide_1"].limits == Limits(upper=0.5)
+    assert read.joints["slide_2"].limits == Limits()
+
+
 def arm() -> Mechanism:
     """Return a tree of a screw, a universal joint and geared hinges, with all that URDF holds."""
     bodies = {

@@ -291,3 +291,9 @@ def test_a_tool_that_moves_in_too_few_directions_is_told():
         lw.LinkworkError, match="has 3 freedoms and its tool moves in 1 of them, so"
     ):
         robot.task_values(robot.home)
+
+
+def test_one_freedom_is_told_as_one():
+    robot = Robot(lw.robots.four_bar())
+    with pytest.raises(lw.LinkworkError, match="and the robot 1 freedom; name the coordinates"):
+        robot.task_values(robot.home)

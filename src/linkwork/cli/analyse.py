@@ -68,7 +68,8 @@ def singularities(
     what: What = None,
     json: Json = False,
 ) -> None:
-    """Tell of which kinds a configuration is singular, and how far it is from being so."""
+    """Tell of which kinds a configuration (home if left out) is singular, and how far it is from
+    being so."""
     from linkwork.cli import studies
 
     studies.singularities(context.obj, joints, tool, what, json)
@@ -126,8 +127,8 @@ def dexterity(
     what: What = None,
     json: Json = False,
 ) -> None:
-    """Tell how well the actuators move the tool in a configuration: conditioning, manipulability,
-    transmission angles and indices."""
+    """Tell how well the actuators move the tool in a configuration (home if left out):
+    conditioning, manipulability, transmission angles and indices."""
     from linkwork.cli import transmission
 
     transmission.dexterity(context.obj, joints, tool, what, json)

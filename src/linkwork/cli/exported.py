@@ -46,10 +46,11 @@ class Export:
 
 @dataclass(frozen=True)
 class ExportTarget:
-    """Describe what is written: what it is called, the options that it takes, and what writes
-    it."""
+    """Describe what is written: what it is called, how its files end, the options that it takes,
+    and what writes it."""
 
     called: str
+    ending: str
     options: frozenset[str]
     write: Callable[[Export], None]
 
@@ -68,14 +69,23 @@ def export_yaml(asked: Export) -> None:
     """Write a robot as a mechanism file."""
     if asked.file is None:
         raise LinkworkError("name the mechanism file to write, FILE.yaml, or give --to c --out DIR")
-    mechanism = find(asked.source)
-    if asked.file.suffix.lower() not in formats.NATIVE:
+    ending = asked.file.suffix.lower()
+    if ending not in formats.NATIVE:
         raise LinkworkError(
-            f"{asked.file}: a mechanism file ends in .yaml, not {asked.file.suffix!r}"
+            f"{asked.file}: a mechanism file ends in .yaml, not {ending!r}{elsewhere(ending)}"
         )
+    mechanism = find(asked.source)
     refuse_existing(asked.file, asked.overwrite)
     mechanism.save(asked.file)
     tell_written([asked.file], asked.as_json)
+
+
+def elsewhere(ending: str) -> str:
+    """Return what writes files of an ending that is no mechanism file's, as part of a sentence."""
+    if ending in formats.READ:
+        return "; 'linkwork convert' writes model files such as this"
+    able = [name for name, target in TARGETS.items() if target.ending == ending]
+    return f"; give --to {able[0]}{' --out DIR' if able == ['c'] else ''}" if able else ""
 
 
 def export_c(asked: Export) -> None:
@@ -189,21 +199,25 @@ def split(names: str | None) -> list[str] | None:
 
 
 TARGETS: Mapping[str, ExportTarget] = {
-    "yaml": ExportTarget("a mechanism file", frozenset(), export_yaml),
+    "yaml": ExportTarget("a mechanism file", ".yaml", frozenset(), export_yaml),
     "c": ExportTarget(
         "C",
+        ".c",
         frozenset({"out", "functions", "precision", "sines", "free", "name", "misra"}),
         export_c,
     ),
     "fmu": ExportTarget(
-        "FMUs", frozenset({"free", "name", "fmi", "outputs", "platforms"}), export_fmu
+        "FMUs", ".fmu", frozenset({"free", "name", "fmi", "outputs", "platforms"}), export_fmu
     ),
-    "casadi": ExportTarget("CasADi", frozenset({"functions", "free"}), export_casadi),
+    "casadi": ExportTarget("CasADi", ".casadi", frozenset({"functions", "free"}), export_casadi),
     "latex": ExportTarget(
-        "LaTeX", frozenset({"free", "symbols"}), lambda asked: export_equations(asked, ".tex")
+        "LaTeX",
+        ".tex",
+        frozenset({"free", "symbols"}),
+        lambda asked: export_equations(asked, ".tex"),
     ),
     "sympy": ExportTarget(
-        "SymPy", frozenset({"free", "symbols"}), lambda asked: export_equations(asked, ".py")
+        "SymPy", ".py", frozenset({"free", "symbols"}), lambda asked: export_equations(asked, ".py")
     ),
 }
 """What a robot can be written as, by its name on the command line."""

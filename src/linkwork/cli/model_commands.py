@@ -80,7 +80,7 @@ def export(
         typer.Argument(
             metavar="FILE",
             help="What to write: .yaml, .fmu with --to fmu, .casadi with --to casadi, .tex with "
-            "--to latex, .py with --to sympy.",
+            "--to latex, .py with --to sympy; of C a folder, --out.",
         ),
     ] = None,
     to: Annotated[
@@ -103,7 +103,7 @@ def export(
     ] = Sines.polynomial,
     free: Annotated[
         str | None,
-        typer.Option(metavar="PATHS", help="Numbers that stay free, 'platform.mass,gravity.z'."),
+        typer.Option(metavar="PATHS", help="Numbers that stay free, 'gravity.z,rod.mass'."),
     ] = None,
     name: Annotated[
         str | None,
@@ -119,16 +119,16 @@ def export(
         str | None,
         typer.Option(
             metavar="KINDS",
-            help="FMU: of positions,rates,accelerations,tool,twist,reactions,closure; "
-            "positions,rates,tool,closure if left out.",
+            help="FMU: of positions, rates, accelerations, tool, twist, reactions, closure, as "
+            "'rates,tool'; positions, rates, tool and closure if left out.",
         ),
     ] = None,
     platforms: Annotated[
         str | None,
         typer.Option(
             metavar="NAMES",
-            help="FMU: binaries for x86_64-linux,aarch64-linux,x86_64-windows, or none; all that a "
-            "compiler is found for if left out.",
+            help="FMU: binaries for x86_64-linux, aarch64-linux, x86_64-windows, separated by "
+            "commas, or none; all that a compiler is found for if left out.",
         ),
     ] = None,
     symbols: Annotated[

@@ -61,7 +61,11 @@ def simulate(
         ),
     ] = None,
     kind: Annotated[
-        Interpolation, typer.Option(help="How the forces of a file run between their times.")
+        Interpolation,
+        typer.Option(
+            metavar="KIND",
+            help="How the forces of a file run between their times: spline, linear or hold.",
+        ),
     ] = Interpolation.spline,
     tool: Annotated[
         str | None,
@@ -78,7 +82,7 @@ def simulate(
         typer.Option(
             metavar="VALUES",
             help=(
-                "Start at 'slide_1=0.2,cylinder.angle=1,...', m or rad; with --tool they choose "
+                "Start at 'slide_1=0.2' or 'ball.qx=0.1,...', m or rad; with --tool they choose "
                 "the branch."
             ),
         ),
@@ -103,7 +107,7 @@ def simulate(
             metavar="WORDS",
             help=(
                 "A controller as in study files: 'pd kp=400 kd=40', 'computed_torque kp=400 kd=40',"
-                " 'lqr position=1e4 force=1' ..."
+                " 'lqr position=1e4 force=1', 'task_computed_torque kp=400 kd=40' ..."
             ),
         ),
     ] = None,
@@ -119,7 +123,13 @@ def simulate(
     ] = None,
     method: Annotated[
         MethodOption | None,
-        typer.Option(help="Of integration; left out, chosen by inputs and tolerance."),
+        typer.Option(
+            metavar="METHOD",
+            help=(
+                "Of integration: sharp_smart, dormand_prince, dop853, rodas (stiff), rk4 or "
+                "symplectic_euler; left out, chosen by inputs and tolerance."
+            ),
+        ),
     ] = None,
     step: Annotated[
         float | None,

@@ -113,6 +113,7 @@ IncludeRoot = Annotated[
     str | None,
     typer.Option(
         "--include-root",
+        metavar="FOLDERS",
         help="Folders whose files an MJCF file may include beside those of its own, separated as "
         "in PATH.",
     ),

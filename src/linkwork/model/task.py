@@ -102,8 +102,8 @@ def not_plain(robot: Model) -> str:
     own, task = sum(moving(robot)), names[: freedoms(robot)]
     return (
         f"the tool's pose has {len(names)} coordinates, of which {own} move at home, and the robot "
-        f"{freedoms(robot)} freedoms; name the coordinates that the tool is led in, of "
-        f"{', '.join(names)} and others (such as task={task!r} of the tool)"
+        f"{freedoms(robot)} freedom{'s' * (freedoms(robot) > 1)}; name the coordinates that the "
+        f"tool is led in, of {', '.join(names)} and others (such as task={task!r} of the tool)"
     )
 
 

@@ -54,7 +54,8 @@ def follow(
     """
     if not isinstance(timed, TimedPath):
         raise LinkworkError(
-            f"what is followed is {checks.shown(timed)}; give a timed path made by linkwork.motions"
+            f"what is followed is {checks.shown(timed)}; give a timed path made by "
+            "linkwork.motions, or lead the tool along other paths by robot.follow"
         )
     if not isinstance(robot, Robot):
         raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")

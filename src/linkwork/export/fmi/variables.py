@@ -200,7 +200,7 @@ def kinds_of(robot: Robot, asked: Sequence[str] | None) -> tuple[str, ...]:
     """Return the kinds of outputs that are wanted, in the order of `KINDS`; refuse what the robot
     cannot tell."""
     chosen = USUAL if asked is None else names(asked, "outputs")
-    checks.known(chosen, OFFERED, "output of an FMU")
+    checks.known(chosen, OFFERED, "output", " of an FMU")
     wanted = [kind for kind in KINDS if kind in chosen or kind == "apart"]
     if not robot.mechanism.tools:
         lacking = [kind for kind in wanted if kind in ("tool", "twist")]

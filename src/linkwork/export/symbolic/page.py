@@ -49,7 +49,8 @@ def document(forms: FormulaSheet) -> str:
     free = ", ".join(f"${forms.letters[forms.rates[name]]}$" for name in forms.independent)
     parts.append(
         "$M \\dot v + C v + G = S^T u + f$ in the independent rates $v$ = "
-        f"({free}), by the natural orthogonal complement.\n\n"
+        f"({free}), by the natural orthogonal complement. The forces $u$ of the actuators act on "
+        "the rates $S v$; $f$, the forces of springs, dampers and friction, is not printed.\n\n"
     )
     parts.append("\\begin{itemize}\\setlength{\\itemsep}{0pt}\n")
     parts += [f"\\item {line}\n" for line in symbol_lines(forms)]

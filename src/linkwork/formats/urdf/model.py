@@ -14,6 +14,7 @@ from linkwork.mechanism import GROUND
 
 TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 ONE_FREEDOM = ("revolute", "continuous", "prismatic")
+NO_LIMIT = 1e9  # what bounds a slide that nothing bounds; URDF wants a limit [m]
 FRAME_MASS = 1e-6  # links lighter than this that are fixed and carry nothing are frames [kg]
 
 

@@ -21,6 +21,7 @@ from linkwork.formats.notes import Notes
 from linkwork.formats.reading import Reading
 from linkwork.formats.urdf.actuators import read_actuation, reflected_inertia
 from linkwork.formats.urdf.model import (
+    NO_LIMIT,
     ONE_FREEDOM,
     UrdfJoint,
     UrdfModel,
@@ -332,7 +333,10 @@ def _limits(joint: UrdfJoint) -> Limits:
     if limit is None or joint.type == "continuous":
         return Limits()
     lower, upper = (limit.number(name, 0.0, most=inf) for name in ("lower", "upper"))
-    return Limits(lower=lower, upper=upper) if lower < upper else Limits()
+    if not lower < upper:
+        return Limits()
+    ends = {"lower": lower, "upper": upper}
+    return Limits(**{end: value for end, value in ends.items() if abs(value) < NO_LIMIT})
 
 
 def _mimics(model: UrdfModel, notes: Notes) -> dict[str, Joint]:

@@ -25,6 +25,7 @@ from linkwork.formats.files import write_file
 from linkwork.formats.masses import solid_of
 from linkwork.formats.mjcf.laws import numbers
 from linkwork.formats.notes import Notes
+from linkwork.formats.urdf.model import NO_LIMIT
 from linkwork.mechanism import (
     GROUND,
     Box,
@@ -38,7 +39,6 @@ from linkwork.mechanism import (
 from linkwork.mechanism.effects import Effects, Friction
 
 EARTH = (0.0, 0.0, -9.81)  # gravity where URDF is used
-UNBOUNDED = 1e9  # limit of a slide that has none; URDF wants one
 FLOATING = ("slide", "slide", "slide", "ball")
 PLANAR, CROSSED = ("slide", "slide", "turn"), ("turn", "turn")
 LOOPS = {
@@ -204,8 +204,8 @@ def write_step(
 
 def bounds(limits: Limits) -> dict[str, str]:
     """Return the attributes of <limit>; URDF wants both ends, and an effort and a velocity."""
-    lower = -UNBOUNDED if limits.lower is None else limits.lower
-    upper = UNBOUNDED if limits.upper is None else limits.upper
+    lower = -NO_LIMIT if limits.lower is None else limits.lower
+    upper = NO_LIMIT if limits.upper is None else limits.upper
     return {"lower": repr(lower), "upper": repr(upper), "effort": "0", "velocity": "0"}
 
 
@@ -379,7 +379,7 @@ def tell_losses(sheet: UrdfSheet) -> None:
             alters=True,
         )
     if mechanism.reference:
-        say("the reference is left out: give it where the file is read (reference=)")
+        say("the reference is left out: give it where the file is read (reference=, --reference)")
     own = [each for joint in mechanism.pairs.values() for each in joint.effects().values()]
     plain = Friction()
     if any(each.rotor for each in own):
