@@ -119,6 +119,21 @@ def test_reactions_of_a_mechanism_of_micrometres():
         assert np.abs(found[rows] - wanted[rows]).max() < 1e-12 * np.abs(wanted[rows]).max()
 
 
+def test_reactions_in_rates_of_a_body_that_no_joint_hangs_in_the_ground():
+    """The tree lets the platform float; its rates are no joint's. Its mass centre is aside."""
+    robot = built("rrs3").free("platform.com.x", "platform.mass")
+    robot = robot.with_parameters({"platform.com.x": 0.07})
+    state, u = robot.home.with_rates([0.2, -0.1, 0.3]), np.array([1.0, -2.0, 3.0])
+    for chart in (
+        ("platform.z", "platform.wx", "platform.wy"),
+        ("motor_1", "platform.wy", "knee_3"),
+    ):
+        own = robot.in_chart(state, chart)
+        found, _ = robot.functions(own).reactions(own.q, own.rates, u, robot.p)
+        wanted = robot.reactions(own, u).wrenches.T
+        np.testing.assert_allclose(np.array(found), wanted, atol=1e-12 * np.abs(wanted).max())
+
+
 @pytest.mark.parametrize("name", ["prr3", "delta"])
 def test_inverse_dynamics_is_the_inverse_of_forward_dynamics(name):
     robot, state = robot_of(name), state_of(name)

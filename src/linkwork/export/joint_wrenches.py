@@ -8,9 +8,11 @@ tension along it, and the multiplier mu of every gear. With the loads of `equati
 
 The motions that joints and gears allow are the left null space of these equations, and the rates of
 a chart determine them: without those along the independent rates the equations are independent
-wherever the chart is good. Where constraints depend on each other, of all solutions the one with
-the least constraint wrenches W - P (f + G' mu), moments over a length, and multipliers is taken,
-as by `Robot.reactions`:
+wherever the chart is good. A body that the tree hangs in the ground without a joint has rates that
+are no joint's: along these stands its own balance, about the origin of its frame.
+
+Where constraints depend on each other, of all solutions the one with the least constraint wrenches
+W - P (f + G' mu), moments over a length, and multipliers is taken, as by `Robot.reactions`:
 
     x, nu:    M' M x + C' nu = M' k,    C x = d
 """
@@ -21,12 +23,14 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import casadi as ca
+import numpy as np
 
 from linkwork.equations import Equations, bearings
 from linkwork.equations.algebra import SX
 from linkwork.equations.joints import held_length
 from linkwork.equations.reactions import joint_loads
-from linkwork.mechanism import GROUND
+from linkwork.equations.tree import offset
+from linkwork.mechanism import GROUND, FreeJoint
 from linkwork.model.reactions import spread
 from linkwork.robot import Robot
 
@@ -34,12 +38,15 @@ MOMENT = ca.DM([1, 1, 1, 0, 0, 0])
 
 
 class ScaledLoads(NamedTuple):
-    """Hold what bodies need (6r), mass centres (3r), origins of F1 and F2 (6J), a twist of each
-    rate (6m) and forces on the rates (m), with lengths over one length; sizes (m): that length of
-    turns, 1 of slides, by which forces on rates are divided."""
+    """Hold what bodies need (6r) about points of theirs (3r), origins of F1 and F2 (6J), a twist of
+    each rate (6m) and forces on the rates (m), with lengths over one length; sizes (m): that length
+    of turns, 1 of slides, by which forces on rates are divided.
+
+    The points are mass centres, and the origins of bodies that float by no joint (`floating`).
+    """
 
     needed: ca.SX
-    centres: ca.SX
+    points: ca.SX
     origins: ca.SX
     twists: ca.SX
     f: ca.SX
@@ -56,7 +63,7 @@ def reactions(robot: Robot, equations: Equations) -> ca.Function:
     *loads, pivot = joint_loads(equations)(q, v, dv, u, SX(0, 1), still, p)
     joints, origins = len(equations.mechanism.pairs), loads[2]
     length = spread(robot)
-    scaled = scaled_loads(loads, length)
+    scaled = scaled_loads(equations, loads, length)
     # The system, and its unknowns as wrenches about the origins of F1.
     E, K, right = system(equations, scaled, equations.independent)
     unit = units(length)
@@ -82,20 +89,48 @@ def units(length: float) -> ca.DM:
     return ca.DM([length] * 3 + [1] * 3)
 
 
-def scaled_loads(loads: Sequence[ca.SX], length: float) -> ScaledLoads:
+def scaled_loads(equations: Equations, loads: Sequence[ca.SX], length: float) -> ScaledLoads:
     """Return loads of `equations.reactions` with lengths over one length."""
     needed, centres, origins, twists, f = loads
+    # Bodies that float by no joint are balanced about their origins.
+    bodies, points = list(equations.mechanism.bodies), [*ca.vertsplit(centres, 3)]
+    needs = [*ca.vertsplit(needed, 6)]
+    for body in floating(equations):
+        b, node = bodies.index(body), equations.tree.node(body)
+        origin = node.O + offset(node, np.zeros(3))
+        needs[b] = shift(points[b] - origin) @ needs[b]
+        points[b] = origin
+    needed, points = ca.vertcat(*needs), ca.vertcat(*points)
+    # The scale.
     unit = units(length)
     along = ca.vertsplit(twists, 6) if f.numel() else []
     sizes = ca.DM([length if turns(twist) else 1.0 for twist in along])
     return ScaledLoads(
         needed / ca.repmat(unit, needed.numel() // 6, 1),
-        centres / length,
+        points / length,
         origins / length,
         twists * ca.repmat(unit, len(along), 1) / ca.kron(sizes, ca.DM.ones(6, 1)),
         f / sizes,
         sizes,
     )
+
+
+def floating(equations: Equations) -> dict[str, str]:
+    """Return the bodies that the tree hangs in the ground by no joint of the mechanism, and what
+    the tree calls what it hangs them by."""
+    pairs, tree = equations.mechanism.pairs, equations.tree
+    named = {body: tree.node(body).joint for body in equations.mechanism.bodies}
+    return {body: name for body, name in named.items() if name not in pairs}
+
+
+def rates_of_rows(equations: Equations) -> list[str]:
+    """Return the rates that the equations stand along: those of the bodies' balances, "" where they
+    stand along none, and those of the joints."""
+    found, floats = [], floating(equations)
+    for body in equations.mechanism.bodies:
+        held = FreeJoint(connects=(GROUND, body)).rates(floats.get(body, ""))
+        found += [*held[3:], *held[:3]] if body in floats else [""] * 6
+    return [*found, *equations.mechanism.rates]
 
 
 def system(
@@ -123,16 +158,16 @@ def system(
         for label, ratio in gear.ratios.items():
             place = labels.index(label)
             G[row, place] = ratio / loads.sizes[place]
-    # The balance of bodies, and along all rates but the independent ones.
-    left = [k for k, label in enumerate(labels) if label not in without]
+    # The balance of bodies and along the joints' rates, but for those along independent rates.
+    left = [k for k, label in enumerate(rates_of_rows(equations)) if label not in without]
     C = ca.vertcat(
         ca.horzcat(
-            on_bodies(equations, loads.centres, origins) @ E,
+            on_bodies(equations, loads.points, origins) @ E,
             SX(6 * len(mechanism.bodies), len(gears)),
         ),
-        ca.horzcat(S @ E, -G.T)[left, :],
-    )
-    d = ca.vertcat(loads.needed, loads.f[left, :])
+        ca.horzcat(S @ E, -G.T),
+    )[left, :]
+    d = ca.vertcat(loads.needed, loads.f)[left, :]
     # Least constraint wrenches and multipliers.
     M = ca.vertcat(
         ca.horzcat(E, -P @ G.T), ca.horzcat(SX(G.shape[0], E.shape[1]), SX.eye(G.shape[0]))
@@ -166,8 +201,8 @@ def turns(twist: ca.SX) -> bool:
     return any(not twist[k].is_zero() for k in range(3))
 
 
-def on_bodies(equations: Equations, centres: ca.SX, origins: list[ca.SX]) -> ca.SX:
-    """Return what wrenches about the origins of F2 (6J) are on the bodies, about their mass centres
+def on_bodies(equations: Equations, points: ca.SX, origins: list[ca.SX]) -> ca.SX:
+    """Return what wrenches about the origins of F2 (6J) are on the bodies, about points of theirs
     (6r x 6J)."""
     bodies, pairs = list(equations.mechanism.bodies), equations.mechanism.pairs
     A = SX(6 * len(bodies), 6 * len(pairs))
@@ -175,7 +210,7 @@ def on_bodies(equations: Equations, centres: ca.SX, origins: list[ca.SX]) -> ca.
         for body, sign in zip(joint.connects, (-1, 1), strict=True):
             if body != GROUND:
                 b = bodies.index(body)
-                arm = origins[2 * k + 1] - centres[3 * b : 3 * b + 3]
+                arm = origins[2 * k + 1] - points[3 * b : 3 * b + 3]
                 A[6 * b : 6 * b + 6, 6 * k : 6 * k + 6] = sign * shift(arm)
     return A
 

@@ -53,12 +53,6 @@ def bodies_motion(robot: Robot, equations: Equations) -> ca.Function:
     return functions.function("bodies_motion", equations, outputs, v=equations.v)
 
 
-def tool_pose(robot: Robot, equations: Equations) -> ca.Function:
-    """Return q -> the tool's pose."""
-    robot.require_tool()
-    return expressions.pose(robot)
-
-
 def task(robot: Robot, equations: Equations) -> ca.Function:
     """Return (q, v) -> x, J and J' of the tool's task coordinates."""
     J = expressions.task_jacobian(robot, equations)

@@ -45,7 +45,7 @@ class JointBalance:
         still = SX.zeros(6 * len(self.robot.bodies))
         *loads, _ = joint_loads(free)(free.tree.q, free.v, dw, u, SX(0, 1), still, free.p)
         length, joints = spread(self.robot), len(free.mechanism.pairs)
-        E, K, right = system(free, scaled_loads(loads, length), ())
+        E, K, right = system(free, scaled_loads(free, loads, length), ())
         unit = ca.diagcat(SX(0, 0), *[ca.diag(units(length))] * joints)
         shown = about_first(loads[2], joints) @ unit @ E
         return K, right, ca.horzcat(shown, SX(shown.shape[0], K.shape[0] - shown.shape[1]))
