@@ -19,6 +19,7 @@ from tests.catalogue import built
 from tests.export.compiled import compiler, run
 from tests.hostile.mechanisms import subjects
 from tests.processes import PATIENCE
+from tests.robot.test_bearings import slider_crank
 from tests.robot.test_reactions import MIXED
 
 ROBOTS = ["prr3", "delta", "stewart", "five_bar", "bricard", "flyball_governor"]
@@ -326,12 +327,29 @@ def test_what_a_robot_lacks_is_left_out_and_said():
     functions = built("flyball_governor").functions()
     assert "inverse_dynamics" not in functions and "forward_dynamics" in functions
     assert "drive" in functions.missing["inverse_dynamics"]
+    assert functions.get("inverse_dynamics") is None and functions.get("motion", 3) == 3
+    assert functions.get("gravity") is functions.gravity
     assert "without inverse_dynamics" in repr(functions)
     bricard = built("bricard").functions()
     with pytest.raises(LinkworkError, match="names no tool"):
         bricard["jacobian"]
     free = lw.Robot(lw.robots.delta()).functions(("pose.x", "pose.y", "pose.z"))
     assert "closed" in free and free.forward_dynamics.size1_in("q") == 10
+
+
+def test_bearings_in_rates_that_no_actuator_drives():
+    """What is listed can be made; the friction in it is that of the robot."""
+    robot = slider_crank()
+    state = robot.in_chart(robot.home.with_rates([2.0]), ["pin"])
+    functions = robot.functions(state)
+    assert "inverse_dynamics" in robot.functions()
+    assert "friction of bearings" in functions.missing["inverse_dynamics"]
+    assert all(functions[name] is not None for name in functions)
+    _, dv, _ = functions.forward_dynamics(state.q, state.rates, [0.5])
+    np.testing.assert_allclose(float(dv), robot.forward_dynamics(state, [0.5])[0], rtol=1e-10)
+    wrenches, _ = functions.reactions(state.q, state.rates, [0.5])
+    wanted = robot.reactions(state, [0.5]).wrenches.T
+    np.testing.assert_allclose(np.array(wrenches), wanted, atol=1e-10 * np.abs(wanted).max())
 
 
 def test_friction_by_bristles_is_that_of_steady_sliding_and_said():
@@ -363,6 +381,7 @@ def test_friction_by_bristles_is_that_of_steady_sliding_and_said():
         (lambda: built("prr3").functions().save(3), "the path to save to is 3"),
         (lambda: built("prr3").functions().save("f", "gravity"), "give a list of names"),
         (lambda: built("prr3").functions().save("no/f", ["gravity"]), "cannot be written"),
+        (lambda: built("prr3").functions().save(".", ["gravity"]), "written (Is a directory)"),
     ],
 )
 def test_refusals(ask, sentence, tmp_path, monkeypatch):

@@ -13,6 +13,7 @@ import linkwork as lw
 from tests.catalogue import built
 from tests.export import fmus
 from tests.export.fmus import Instance
+from tests.robot.test_reactions import MIXED
 
 BODY = lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.2, zz=0.3))
 FREE = lw.FreeJoint(connects=("ground", "body"))
@@ -173,6 +174,17 @@ def test_reactions_are_those_of_the_robot(name, folder):
     found = one.get(*(name for name in one.names if name.startswith("reaction.")))
     expected = robot.reactions(robot.home.with_rates(v), u).wrenches.ravel()
     np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
+
+
+def test_reactions_where_short_levers_hold(folder):
+    """A platform on rods whose equations have pivots of 1e-5."""
+    robot = lw.Robot(MIXED["platform on rods"]())
+    one = Instance(fmus.built(export(robot, outputs=["reactions"]), folder))
+    v = [0.3, -0.2]
+    one.go(**{f"start_rate__{a}": x for a, x in zip(robot.independent, v, strict=True)})
+    found = one.get(*(name for name in one.names if name.startswith("reaction.")))
+    expected = robot.reactions(robot.home.with_rates(v), np.zeros(2)).wrenches.ravel()
+    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
 
 
 def test_derivatives_hold_the_linearised_motion(folder):

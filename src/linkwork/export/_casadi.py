@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 
@@ -71,6 +72,10 @@ class CasadiFunctions(Mapping[str, ca.Function]):
                 self._functions[name] = part.of(name, self._wholes[part.whole])
         return self._functions[name]
 
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a function by name, or the default where the robot has none of that name."""
+        return self[name] if name in self else default  # noqa: SIM401
+
     def __getattr__(self, name: str) -> ca.Function:
         if name.startswith("_"):
             raise AttributeError(name)
@@ -135,7 +140,7 @@ class CasadiFunctions(Mapping[str, ca.Function]):
         wanted = [self[name] for name in (self if names is None else checks.names(names, "names"))]
         told = {each: getattr(self, each) for each in ("name", "arrays", "parameters", "notes")}
         try:
-            place.touch()
+            place.open("wb").close()
             file = ca.FileSerializer(str(place))
             file.pack(wanted)
             file.pack(json.dumps(told))

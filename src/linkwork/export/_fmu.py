@@ -158,18 +158,15 @@ def undriven(robot: Robot) -> list[str]:
 
 
 def wrapped(robot: Robot, kinds: Sequence[str]) -> list[str]:
-    """Return a sentence on coordinates that are read off others, which leave whole turns open."""
+    """Return sentences on coordinates that are read off others, which leave whole turns and signs
+    open."""
     tree = robot.equations.tree.coordinates
-    read = [
-        name
-        for name in robot.coordinates
-        if "positions" in kinds and name not in tree and robot.unit(name) != "m"
-    ]
-    return (
-        [
-            f"the coordinates {', '.join(read)} of joints that close loops are told within a turn, "
-            "quaternions but for their sign"
-        ]
-        if read
-        else []
-    )
+    read = [name for name in robot.coordinates if "positions" in kinds and name not in tree]
+    told = {
+        unit: ", ".join(name for name in read if robot.unit(name) == unit) for unit in ("rad", "1")
+    }
+    said = {
+        "rad": f"the angles {told['rad']} of joints that close loops are told within a turn",
+        "1": f"the quaternions {told['1']} of joints that close loops are told but for their sign",
+    }
+    return [said[unit] for unit, names in told.items() if names]

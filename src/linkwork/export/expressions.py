@@ -49,13 +49,7 @@ def actuator_forces(robot: Robot, equations: Equations) -> ca.Function:
     dv = SX.sym("dv", equations.mobility)
     forces, pivot = own(equations.tree.q, equations.v, dv, equations.p)
     if robot.actuators != equations.independent:
-        require_driven(robot)
-        if {*robot.actuators} != {*equations.independent}:
-            require_no_bearings(
-                robot.mechanism.joints,
-                "inverse_dynamics whose actuators are not its independent rates leaves out",
-                "leave it out of the functions, or drive the independent rates",
-            )
+        require_driven(robot, equations)
         S = equations.actuation
         forces = ca.mtimes(S, solve_symmetric(ca.mtimes(S.T, S), forces))
     outputs = {"u": forces, "pivot": pivot}
@@ -94,8 +88,11 @@ def closure(robot: Robot) -> ca.Function:
     return functions.function("closure", equations, outputs)
 
 
-def require_driven(robot: Robot) -> None:
-    """Refuse inverse dynamics where actuators do not drive all independent rates at home."""
+def require_driven(robot: Robot, equations: Equations) -> None:
+    """Refuse inverse dynamics where actuators do not drive all independent rates at home, or are
+    others and load what rubs."""
+    if robot.actuators == equations.independent:
+        return
     S = robot.actuation(robot.home)
     values = np.linalg.svd(S, compute_uv=False)
     if (values > DRIVEN * values.max(initial=0.0)).sum() < robot.mobility or robot.idle:
@@ -103,6 +100,12 @@ def require_driven(robot: Robot) -> None:
             "inverse_dynamics is not defined: the actuators do not drive "
             f"{', '.join(undriven(S, robot.independent))}; leave it out of the functions, or add "
             "actuators"
+        )
+    if {*robot.actuators} != {*equations.independent}:
+        require_no_bearings(
+            robot.mechanism.joints,
+            "inverse_dynamics whose actuators are not its independent rates leaves out",
+            "leave it out of the functions, or drive the independent rates",
         )
 
 

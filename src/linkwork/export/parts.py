@@ -110,12 +110,6 @@ def with_task(robot: Robot, equations: Equations) -> None:
     task_of(robot)
 
 
-def driven(robot: Robot, equations: Equations) -> None:
-    """Refuse inverse dynamics where actuators do not drive all rates."""
-    if robot.actuators != equations.independent:
-        expressions.require_driven(robot)
-
-
 @dataclass(frozen=True)
 class CasadiPart:
     """Describe a function.
@@ -160,7 +154,11 @@ PARTS: Mapping[str, CasadiPart] = {
         "motion", "q v u", "dq=derivatives dv=accelerations", "q', v' of M v' + C v + G = S' u + f"
     ),
     "inverse_dynamics": CasadiPart(
-        "actuator_forces", "q v dv", "u", "forces of least sum of squares", refuse=driven
+        "actuator_forces",
+        "q v dv",
+        "u",
+        "forces of least sum of squares",
+        refuse=expressions.require_driven,
     ),
     "mass_matrix": CasadiPart("terms", "q", "M", "generalised inertia"),
     "coriolis": CasadiPart("terms", "q v", "Cv", "Coriolis and centrifugal forces"),

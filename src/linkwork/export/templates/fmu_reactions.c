@@ -1,5 +1,6 @@
 /* Solve K x = b, where LW_V equations depend on the others, by elimination with the strongest pivot
-   each time; what is left open is zero. */
+   each time; what is left open is zero. Pivots go with the squares of the conditions' own numbers,
+   those of equations that depend on others are of rounding, 1e-15. */
 static lw_status lw_balance(lw_work *work, const lw_real *b, lw_real *x)
 {
     static const int rows[] = {BALANCE_ROWS}, columns[] = {BALANCE_COLUMNS};
@@ -27,7 +28,7 @@ static lw_status lw_balance(lw_work *work, const lw_real *b, lw_real *x)
                 }
             }
         }
-        if (!(strongest > LW_PIVOT_BOUND)) {
+        if (!(strongest > 1e-10)) {
             return LW_SINGULAR;
         }
         for (j = 0; j <= LW_UNKNOWNS; ++j) {
