@@ -1,9 +1,10 @@
 """What leaves Linkwork: a robot's equations of motion as C99 that runs anywhere, as FMUs, as
-functions of CasADi, and in closed form to be read."""
+functions of CasADi, and in closed form to be read; a robot as a live model of MuJoCo."""
 
 from linkwork.export._c import FUNCTIONS, CExport, c
 from linkwork.export._casadi import CasadiFunctions, casadi
 from linkwork.export._fmu import FmuExport, fmu
+from linkwork.export._mujoco import MujocoModel, mujoco
 from linkwork.export._symbolic import latex, sympy
 
 __all__ = [
@@ -11,9 +12,11 @@ __all__ = [
     "CExport",
     "CasadiFunctions",
     "FmuExport",
+    "MujocoModel",
     "c",
     "casadi",
     "fmu",
     "latex",
+    "mujoco",
     "sympy",
 ]

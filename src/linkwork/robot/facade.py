@@ -20,7 +20,7 @@ from linkwork.robot.simulated import Simulated
 
 if TYPE_CHECKING:
     from linkwork.control import Drive
-    from linkwork.export import CasadiFunctions
+    from linkwork.export import CasadiFunctions, MujocoModel
     from linkwork.formats.references import Reference
 
 
@@ -287,6 +287,17 @@ class Robot(Simulated, Portrayed):
         from linkwork.export import latex
 
         return latex(self, symbols=symbols)
+
+    def to_mujoco(self) -> MujocoModel:
+        """Return a live model of MuJoCo, with its data at a state and its coordinates, rates and
+        accelerations by name: `linkwork.export.mujoco`.
+
+        Raises:
+            LinkworkError: MuJoCo is not installed, or MJCF cannot hold the robot.
+        """
+        from linkwork.export import mujoco
+
+        return mujoco(self)
 
 
 HELD = (

@@ -1,0 +1,178 @@
+"""A robot as a live model of MuJoCo, with the way from its states to qpos and qvel and back.
+
+The model is the MJCF that `linkwork.formats` writes, with its loops closed at the robot's home;
+MuJoCo's regularisation R of constraints, in proportion to its estimate of the inverse inertia that
+they feel, is scaled down by `softness`:
+
+    M v' + h = S' u + J' f,   J v' + gamma + R f = -b r' - k r               (r: gaps of the loops)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork import checks
+from linkwork.errors import LinkworkError
+from linkwork.export.model_joints import ModelJoint, Moved, model_joints
+from linkwork.formats import poses
+from linkwork.formats.mjcf.model_plan import Home, plan
+from linkwork.formats.mjcf.writer import to_mjcf
+from linkwork.mechanism import GROUND
+from linkwork.model.checks import actuator_forces
+from linkwork.model.state import State
+from linkwork.robot import Robot
+
+MISSING = "MuJoCo is not installed; pip install 'linkwork[engines]'"
+SOFTNESS = 1e-3
+"""Below it what MuJoCo's solver leaves is greater than what the softness does."""
+
+
+@dataclass(frozen=True, eq=False)
+class MujocoModel:
+    """Hold a robot as a model of MuJoCo.
+
+    robot: with its loops closed exactly; model: `mujoco.MjModel`; text: the MJCF that it is made of
+    notes: what MuJoCo takes otherwise; accelerations agree but for what they say
+    joints: where MuJoCo has the robot's joints, in the order of qpos
+    """
+
+    robot: Robot
+    model: Any
+    text: str
+    notes: tuple[str, ...]
+    joints: tuple[ModelJoint, ...]
+
+    def data(
+        self,
+        state: State | None = None,
+        forces: ArrayLike | Mapping[str, ArrayLike] | None = None,
+    ) -> Any:
+        """Return a `mujoco.MjData` at a state, after `mj_forward`.
+
+        Args:
+            state: one state of the robot; home if left out.
+            forces: u of the actuators (actuators) [N, N m], or by name (others zero), as controls;
+                all zero if left out.
+
+        Raises:
+            LinkworkError: a stack of states, a state of another robot, forces that do not fit.
+        """
+        engine = loaded()
+        data = engine.MjData(self.model)
+        data.qpos[:], data.qvel[:] = self.configuration(self.robot.home if state is None else state)
+        if forces is not None:
+            u = checks.finite(actuator_forces(forces, self.robot.actuators), "forces")
+            if u.ndim != 1:
+                raise LinkworkError("MuJoCo's data hold one state; give one force per actuator")
+            data.ctrl[:] = u
+        engine.mj_forward(self.model, data)
+        return data
+
+    def configuration(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Return qpos and qvel at one state of the robot."""
+        own = self.robot.own(state)
+        if own.batch:
+            raise LinkworkError("MuJoCo's data hold one state, not a stack; give state.at(index)")
+        moved = moved_at(self.robot, own)
+        qpos, qvel = np.empty(self.model.nq), np.empty(self.model.nv)
+        for joint in self.joints:
+            qpos[joint.q], qvel[joint.v] = joint.into(moved)
+        return qpos, qvel
+
+    def positions(self, data: Any) -> dict[str, float]:
+        """Return coordinates by name [m, rad; 1 of quaternions] of the joints that the model holds,
+        as `Robot.assemble` and `Robot.state` take them. MuJoCo's loops are closed but softly."""
+        return self._read(data, 0)
+
+    def rates(self, data: Any) -> dict[str, float]:
+        """Return rates by name [m/s, rad/s] of the joints that the model holds."""
+        return self._read(data, 1)
+
+    def accelerations(self, data: Any) -> dict[str, float]:
+        """Return the accelerations of these rates by name [m/s^2, rad/s^2]: MuJoCo's qacc."""
+        return self._read(data, 2)
+
+    def _read(self, data: Any, order: int) -> dict[str, float]:
+        found: dict[str, float] = {}
+        for joint in self.joints:
+            motion = data.qpos[joint.q], data.qvel[joint.v], data.qacc[joint.v]
+            names = joint.rates if order else joint.coordinates
+            found |= zip(names, map(float, joint.out_of(*motion)[order]), strict=True)
+        return found
+
+    def __repr__(self) -> str:
+        return (
+            f"MujocoModel({self.robot.mechanism.name}: {self.model.nq} coordinates, "
+            f"{self.model.nv} rates, {self.model.neq} equalities, {self.model.nu} controls)"
+        )
+
+
+def mujoco(robot: Robot, softness: float = SOFTNESS) -> MujocoModel:
+    """Return a robot as a live model of MuJoCo: `Robot.to_mujoco`.
+
+    Args:
+        robot: the robot, with the values that its free numbers have.
+        softness: factor on MuJoCo's regularisation of constraints; 1: as MuJoCo takes the file.
+
+    Raises:
+        LinkworkError: MuJoCo is not installed, or refuses the model; MJCF cannot hold the robot, or
+            a free joint leads to ground instead of from it.
+    """
+    if not isinstance(robot, Robot):
+        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    factor = checks.positive(softness, "softness")
+    engine, mechanism, home = loaded(), robot.mechanism, home_of(robot)
+    held = plan(mechanism, home)
+    text, notes = to_mjcf(mechanism, home, held)
+    try:
+        model = engine.MjModel.from_xml_string(text)
+    except ValueError as error:
+        why = " ".join(str(error).split())
+        raise LinkworkError(f"MuJoCo refuses {mechanism.name!r}: {why}") from None
+    for estimate in (model.body_invweight0, model.dof_invweight0, model.tendon_invweight0):
+        estimate[:] *= factor
+    if model.neq and factor != 1:
+        notes += (f"what MuJoCo's constraints give way, as said above, is scaled by {factor:g}",)
+    if mechanism.drives:
+        driven = ", ".join(mechanism.drives)
+        notes += (f"{driven}: drives act in MuJoCo; the controls are their commands, not forces",)
+    return MujocoModel(robot, model, text, notes, model_joints(mechanism, home, held, model))
+
+
+def home_of(robot: Robot) -> Home:
+    """Return where bodies and joints are at a robot's home."""
+    placed = {name: poses.pose(*at) for name, at in robot.body_poses(robot.home).items()}
+    coordinates = dict(zip(robot.coordinates, robot.home.positions.tolist(), strict=True))
+    return Home({GROUND: np.eye(4), **placed}, coordinates)
+
+
+def moved_at(robot: Robot, state: State) -> Moved:
+    """Return how a robot's joints and bodies move at one state."""
+    placed = {name: poses.pose(*at) for name, at in robot.body_poses(state).items()}
+    twists = dict(zip(robot.bodies, robot.twists(state), strict=True))
+    twists[GROUND] = np.zeros(6)
+    rates = np.asarray(robot.joint_rates(state)).tolist()
+    return Moved(
+        positions=dict(zip(robot.coordinates, state.positions.tolist(), strict=True)),
+        rates=dict(zip(robot.rates, rates, strict=True)),
+        poses={GROUND: np.eye(4), **placed},
+        twists=twists,
+    )
+
+
+def loaded() -> Any:
+    """Return MuJoCo's module.
+
+    Raises:
+        LinkworkError: it is not installed.
+    """
+    try:
+        return import_module("mujoco")
+    except ImportError:
+        raise LinkworkError(MISSING) from None
