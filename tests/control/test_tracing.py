@@ -340,3 +340,14 @@ def test_a_motion_of_the_3_prr(robot):
         motion.state.at(0), lw.control.PD(motion, 5000, 200), duration=1.0, save_at=motion.time
     )
     assert np.abs(run.dataset.joint_position.values - motion.positions)[:, :3].max() < 0.004
+
+
+def test_values_without_bound_are_undefined_whichever_way_they_come_about(plant):
+    """inf with numbers, which CasADi simplifies, and 0 inf + inf with symbols: no branch."""
+
+    def law(t, state):
+        far = ca.if_else(state["slide"] < 2, ca.inf, 1.0)
+        return [ca.SX(state.parameter("gain", 0.0)) * far + far]
+
+    run = plant.simulate(plant.home, law, duration=0.1)
+    assert run.status is lw.Status.NON_FINITE and "force on slide is infinite" in run.message

@@ -179,13 +179,20 @@ def require_same(traced: Traced, found: np.ndarray, t: float, state: Observation
                 f"({reason(error)}); {cure(traced.what)}"
             ) from error
     expected = np.array(ca.DM(ca.densify(result)), float).ravel()
-    if found.shape != expected.shape or not np.allclose(
-        found, expected, AGREE, AGREE, equal_nan=True
-    ):
+    if found.shape != expected.shape or not agree(found, expected):
         raise LinkworkError(
             f"{traced.what} returns other values with numbers than it did with symbols: it "
             f"branches on values, or keeps memory from call to call; {cure(traced.what)}"
         )
+
+
+def agree(found: np.ndarray, expected: np.ndarray) -> bool:
+    """Tell whether values agree where both are finite, and neither alone is undefined somewhere:
+    what is undefined is inf or nan as the order of the operations has it."""
+    finite = np.isfinite(found), np.isfinite(expected)
+    both = finite[0] & finite[1]
+    alike = finite[0].all() == finite[1].all()
+    return bool(alike and np.allclose(found[both], expected[both], AGREE, AGREE))
 
 
 def ordered(values: Any, names: Sequence[str], what: str) -> np.ndarray:
