@@ -368,6 +368,18 @@ def test_friction_by_bristles_is_that_of_steady_sliding_and_said():
     np.testing.assert_allclose(float(dv), robot.forward_dynamics(state, [2.0])[0], rtol=1e-12)
 
 
+def test_drives_of_the_description_are_said_to_be_left_out():
+    joint = lw.RevoluteJoint(connects=("ground", "arm"))
+    body = lw.Body(mass=1.0, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(zz=0.1))
+    drives = {"hinge": {"type": "servo", "gain": 5.0}}
+    parts = {"bodies": {"arm": body}, "joints": {"hinge": joint}, "actuators": ("hinge",)}
+    robot = lw.Robot(lw.Mechanism(drives=drives, **parts))
+    said = "the drives of hinge are no part of {} are the forces"
+    assert robot.functions().notes == (said.format("the functions: u"),)
+    assert said.format("the C: u") in lw.export.c(robot, ["motion"]).notes
+    assert said.format("the FMU: its inputs") in lw.export.fmu(robot, platforms=()).notes
+
+
 @pytest.mark.parametrize(
     ("ask", "sentence"),
     [

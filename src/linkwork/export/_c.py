@@ -14,6 +14,7 @@ from linkwork.export.calls import CALLS, Call, needed_programs
 from linkwork.export.header import header_text
 from linkwork.export.identifiers import given_prefix, identifiers, named, prefix
 from linkwork.export.layout import ArrayLayout, layouts
+from linkwork.export.notes import drives_left_out
 from linkwork.export.packaging import package_files
 from linkwork.export.source import source_text
 from linkwork.export.statements import Dialect, Precision, Sines
@@ -141,6 +142,7 @@ def written(
             continue
         calls.append(CALLS[each])
         programs |= made
+    notes += drives_left_out(robot, "the C", "u")
     # Names that C cannot hold.
     arrays = layouts(robot)
     own = prefix(robot.mechanism.name) if name is None else given_prefix(name)

@@ -14,6 +14,7 @@ from linkwork import checks
 from linkwork.equations import Equations
 from linkwork.errors import LinkworkError
 from linkwork.export.layout import layouts
+from linkwork.export.notes import drives_left_out
 from linkwork.export.parts import PARTS, PIVOT, WHOLES
 from linkwork.kernels.program import trace
 from linkwork.mechanism.sticking import strains
@@ -51,7 +52,8 @@ class CasadiFunctions(Mapping[str, ca.Function]):
         sticking = [strain.of for strain in strains(robot.mechanism)]
         self.name, self.independent = robot.mechanism.name, equations.independent
         self.parameters = dict(robot.parameters)
-        self.notes = (STICKS.format(", ".join(sticking)),) if sticking else ()
+        sticks = [STICKS.format(", ".join(sticking))] if sticking else []
+        self.notes = (*sticks, *drives_left_out(robot, "the functions", "u"))
         self._of = robot, equations
         self._wholes: dict[str, ca.Function] = {}
         self._functions: dict[str, ca.Function] = {}
@@ -118,7 +120,8 @@ class CasadiFunctions(Mapping[str, ca.Function]):
 
     @property
     def operations(self) -> dict[str, int]:
-        """The number of operations of each function, but of what Newton's method finds."""
+        """The number of operations of each function, but of what is found by Newton's method or as
+        the solution of linear equations."""
         functions = {name: self[name] for name in self}
         return {name: trace(f).operations for name, f in functions.items() if f.is_a("SXFunction")}
 

@@ -17,6 +17,7 @@ from linkwork.export.fmi.description import Version, build_description, describe
 from linkwork.export.fmi.source import TOKEN, abilities, sources
 from linkwork.export.fmi.variables import kinds_of, variables
 from linkwork.export.identifiers import given_prefix, named, prefix
+from linkwork.export.notes import drives_left_out
 from linkwork.patience import announced
 from linkwork.robot import Robot
 
@@ -131,7 +132,8 @@ def fmu(
     if version == "3.0":
         files["sources/buildDescription.xml"] = build_description(own)
     files |= {f"sources/{path}": text.encode() for path, text in texts.items()}
-    notes += [*can.notes, *known.notes, *undriven(robot), *wrapped(robot, kinds)]
+    notes += [*can.notes, *known.notes]
+    notes += [*drives_left_out(robot, "the FMU", "its inputs"), *wrapped(robot, kinds)]
     return FmuExport(
         own, version, files, tuple(each.name for each in known.all), tuple(compilers), tuple(notes)
     )
@@ -144,16 +146,6 @@ def guid(text: str) -> str:
         "{"
         + "-".join(digest[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32)))
         + "}"
-    )
-
-
-def undriven(robot: Robot) -> list[str]:
-    """Return a sentence on drives of the description, which are not a part of the FMU."""
-    described = ", ".join(robot.mechanism.drives)
-    return (
-        [f"the drives of {described} are no part of the FMU: its inputs are the forces"]
-        if described
-        else []
     )
 
 
