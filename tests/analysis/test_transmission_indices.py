@@ -189,3 +189,10 @@ def test_the_command_line_tells_them():
     assert found["local index"] == pytest.approx(float(indices.local))
     assert "drive one leg" in told("par4")["refused"]
     assert "1.571" in call("analyse", "prr3", "dexterity").stdout
+
+
+def test_an_empty_stack_has_no_indices():
+    robot = lw.Robot("prr3")
+    found = transmission_indices(robot, robot.state(np.zeros((0, len(robot.coordinates)))))
+    assert found.input.shape == found.output_angle.shape == (0, 3)
+    assert found.wrenches.shape == (0, 3, 6) and found.local.shape == (0,)

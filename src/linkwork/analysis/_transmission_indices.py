@@ -106,15 +106,12 @@ def transmission_indices(robot: Robot, state: State) -> TransmissionIndices:
         at_one(robot, {name: (p[k % len(p)], R[k % len(R)]) for name, (p, R) in poses.items()})
         for k in range(count)
     ]
-    n, parts = len(robot.actuators), zip(*found, strict=True)
-    shapes = (n,), (n,), (n, 6)
-    return TransmissionIndices(
-        robot.actuators,
-        *(
-            np.reshape(part, (*state.batch, *shape))
-            for part, shape in zip(parts, shapes, strict=True)
-        ),
-    )
+    n = len(robot.actuators)
+    parts = [
+        np.reshape([one[k] for one in found], (*state.batch, *shape))
+        for k, shape in enumerate([(n,), (n,), (n, 6)])
+    ]
+    return TransmissionIndices(robot.actuators, *parts)
 
 
 def require_single(robot: Robot) -> None:
