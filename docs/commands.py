@@ -28,9 +28,10 @@ def entries(group: Any, name: str) -> Iterator[str]:
     """Yield the entries of a group's commands."""
     for word, command in group.commands.items():
         if hasattr(command, "commands"):
+            yield entry(command, f"{name} {word}", *arguments(command), "COMMAND")
             yield from entries(command, " ".join([name, word, *arguments(command)]))
         else:
-            yield entry(command, f"{name} {word}")
+            yield entry(command, f"{name} {word}", *arguments(command))
 
 
 def arguments(command: Any) -> list[str]:
@@ -38,11 +39,11 @@ def arguments(command: Any) -> list[str]:
     return [spelled(p) if p.required else f"[{spelled(p)}]" for p in found]
 
 
-def entry(command: Any, name: str) -> str:
+def entry(command: Any, name: str, *words: str) -> str:
     """Return the entry of a command: what it does, its arguments and options."""
     rows = [f"| `{spelled(p)}` | {told(p)} |" for p in command.params if "--help" not in p.opts]
     table = "\n".join(["| | |", "| --- | --- |", *rows]) if rows else ""
-    usage = " ".join([name, *arguments(command)])
+    usage = " ".join([name, *words])
     return f"## {name}\n\n    {usage}\n\n{command.help or ''}\n\n{table}\n"
 
 

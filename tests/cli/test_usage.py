@@ -24,6 +24,10 @@ SENTENCES = {
     "simulate prr3 --duration 1 --method foo": "--method: 'foo' is not one of 'sharp_smart'",
     "simulate prr3 --duration": "option '--duration' requires an argument",
     "info prr3 --json=3": "option '--json' does not take a value",
+    "analyse delta stiffness": "'linkwork analyse ROBOT stiffness' needs --joint-stiffness: of "
+    "each joint, N/m or N m/rad: ",
+    "analyse prr3 workspace --grid x=0:1:3,y=0,angle=0 --quantity det_A": "--quantity says what a "
+    "picture shows; give --picture, too",
     "robots all": "'linkwork robots' takes no further word such as 'all'",
 }
 

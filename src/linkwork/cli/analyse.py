@@ -101,7 +101,14 @@ def workspace(
         str | None,
         typer.Option(metavar="VALUES", help="Largest actuator forces, for the isotropic force."),
     ] = None,
-    quantity: Annotated[str, typer.Option(help="What the picture shows.")] = "conditioning",
+    quantity: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="What the picture shows: conditioning (if left out), det_A, det_B, "
+            "isotropic_force ..., or reachable.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.nc", help="Write the map as NetCDF.")
     ] = None,
@@ -158,7 +165,9 @@ def stiffness(
     joint_stiffness: Annotated[
         str,
         typer.Option(
-            "--joint-stiffness", metavar="VALUES", help="N/m or N m/rad: 'slide_1=1e5,slide_2=1e5'."
+            "--joint-stiffness",
+            metavar="VALUES",
+            help="Of each joint, N/m or N m/rad: 'slide_1=1e5,slide_2=1e5'.",
         ),
     ],
     joints: Joints = None,

@@ -51,13 +51,16 @@ class Map:
     limits: str | None
     rates: str | None
     forces: str | None
-    quantity: str
+    quantity: str | None
     out: Path | None
     picture: Path | None
     overwrite: bool
 
     def check(self) -> None:
-        """Refuse what cannot be written before anything is computed."""
+        """Refuse what cannot be written, and a quantity that nothing shows, before anything is
+        computed."""
+        if self.quantity is not None and self.picture is None:
+            raise LinkworkError("--quantity says what a picture shows; give --picture, too")
         for option, file, suffixes in (
             ("--out", self.out, (".nc",)),
             ("--picture", self.picture, PICTURES),
@@ -248,7 +251,7 @@ def files_of(mapped: xarray.Dataset, asked: Map) -> list[Path]:
     if asked.picture is not None:
         from linkwork.views.maps import plot_workspace
 
-        figure = plot_workspace(mapped, asked.quantity).get_figure(root=True)
+        figure = plot_workspace(mapped, asked.quantity or "conditioning").get_figure(root=True)
         if figure is not None:
             figure.savefig(asked.picture)
     return [file for file in (asked.out, asked.picture) if file is not None]
