@@ -61,7 +61,7 @@ def test_behind_a_singular_pose_a_state_that_is_no_number_is_not_closed():
     outputs = iter([[0.1, np.nan, 1e-3], [0.1, np.nan, 0.0], [0.1, np.nan, 0.0]])
     kernel = SimpleNamespace(flat=lambda *parts: np.array(next(outputs)))
     chart = SimpleNamespace(
-        equations=SimpleNamespace(constrained=True), kernel=lambda name: kernel, p=np.empty(0)
+        equations=SimpleNamespace(constrained=True), single=lambda name: kernel, p=np.empty(0)
     )
     q, closed = Crossing(chart, None, 1e-12, 1e-10, 1e-8)._closed(np.array([0.1, 0.2]))
     assert np.isfinite(q).all() and not closed

@@ -300,7 +300,7 @@ class Passage:
             return self._along(stand, end, save_at, self.system.inputs)
         with interruptions_held() as came:
             done = self._along(stand, end, save_at, self.system.inputs)
-        if came():
+        if came() and not (done.success and end == self.end):
             self.system = replace(self.system, faults=[KeyboardInterrupt()])
         return done
 
