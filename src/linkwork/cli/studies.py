@@ -283,6 +283,8 @@ def linearise(
         show_json({"joints": joints_told(robot, state)} | told | {"modes": own or None})
         return
     # The state, and how it is held.
+    still = "stable" if modes and modes.stable else "not stable"
+    still = still if modes else "no: it accelerates"
     out = console()
     out.print(
         facts(
@@ -290,14 +292,7 @@ def linearise(
                 ("configuration", pose_of(robot, state)),
                 ("states", f"{len(model.states)}: {', '.join(model.states)}"),
                 ("controllable", "yes" if model.controllable else "no"),
-                (
-                    "equilibrium",
-                    "no: it accelerates"
-                    if modes is None
-                    else "stable"
-                    if modes.stable
-                    else "not stable",
-                ),
+                ("equilibrium", still),
             ]
         )
     )
