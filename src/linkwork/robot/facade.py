@@ -20,7 +20,7 @@ from linkwork.robot.simulated import Simulated
 
 if TYPE_CHECKING:
     from linkwork.control import Drive
-    from linkwork.export import CasadiFunctions, MujocoModel
+    from linkwork.export import CasadiFunctions, MujocoModel, PinocchioModel
     from linkwork.formats.references import Reference
 
 
@@ -298,6 +298,17 @@ class Robot(Simulated, Portrayed):
         from linkwork.export import mujoco
 
         return mujoco(self)
+
+    def to_pinocchio(self) -> PinocchioModel:
+        """Return a live model of Pinocchio, a tree with constraints that close the loops, with its
+        accelerations by name: `linkwork.export.pinocchio`.
+
+        Raises:
+            LinkworkError: Pinocchio is not installed, or cannot hold the robot.
+        """
+        from linkwork.export import pinocchio
+
+        return pinocchio(self)
 
 
 HELD = (
