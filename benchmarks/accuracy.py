@@ -8,7 +8,7 @@ x_ref| / max |x_ref|  over the entries of one quantity in one state.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
@@ -39,15 +39,15 @@ def run(states: int = 200, free_runs: int = 20) -> Section:
     """Measure all accuracies; the reference is computed by as many processes as there are
     processors."""
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        errors = against_oracle(states, partial(pool.map, chunksize=5))
+        found = against_oracle(states, partial(pool.map, chunksize=5))
     robot = lw.Robot(prr3())
     drift, gap = conservation(robot, free_runs)
     figures = [
-        Figure(f"{title}: largest error", errors[name].max(), "", 1e-12)
+        Figure(f"{title}: largest error", found[name].max(), "", 1e-12)
         for name, title in TITLES.items()
     ]
     figures += [
-        Figure(f"{title}: median error", float(np.median(errors[name])))
+        Figure(f"{title}: median error", float(np.median(found[name])))
         for name, title in TITLES.items()
     ]
     figures += [
@@ -59,7 +59,7 @@ def run(states: int = 200, free_runs: int = 20) -> Section:
         Figure("closure error during 1 s of prescribed motion", prescribed_gap(robot), "m", 1e-12),
     ]
     raw = {
-        "errors": {name: values.tolist() for name, values in errors.items()},
+        "errors": {name: values.tolist() for name, values in found.items()},
         "energy": drift.tolist(),
     }
     return Section("Accuracy", method(states), figures, raw)
@@ -88,14 +88,24 @@ def against_oracle(states: int, map_states: Map = map) -> dict[str, np.ndarray]:
         "forces": robot.inverse_dynamics(some, accelerations),
         "accelerations": robot.forward_dynamics(some, forces),
     }
-    rows: Iterator[Terms] = iter(
-        map_states(exact, some.positions, some.rates, forces, accelerations)
-    )
-    errors: dict[str, list[float]] = {name: [] for name in found}
-    for i, reference in enumerate(rows):
-        for name, values in found.items():
-            errors[name].append(relative(values[i], reference[name]))
-    return {name: np.array(values) for name, values in errors.items()}
+    given = some.positions, some.rates, forces, accelerations
+    rows = list(map_states(errors, *given, *found.values()))
+    return {name: np.array([row[name] for row in rows]) for name in found}
+
+
+def errors(
+    positions: np.ndarray,
+    rates: np.ndarray,
+    forces: np.ndarray,
+    accelerations: np.ndarray,
+    *found: np.ndarray,
+) -> dict[str, float]:
+    """Return the errors of what was found in one state, in the order of `exact`."""
+    reference = exact(positions, rates, forces, accelerations)
+    return {
+        name: relative(values, reference[name])
+        for name, values in zip(reference, found, strict=True)
+    }
 
 
 def exact(
