@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import webbrowser
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,7 +48,7 @@ def view(
             built(source) if run is None else robot_of(run, name, replace(source, name=of or ""))
         )
         viewer = Viewer(robot, run, over=other, host=host, port=port)
-    with viewer:
+    with viewer, suppress(KeyboardInterrupt):  # from the moment when the address is told
         if as_json:
             show_json({"robot": robot.mechanism.name, "url": viewer.url})
             sys.stdout.flush()
