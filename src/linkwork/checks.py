@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
+from importlib import import_module
 from math import isfinite
 from os import PathLike
 from pathlib import Path
@@ -81,6 +82,25 @@ def count(value: object, what: str) -> int:
     if result < 1 or result % 1:
         raise LinkworkError(f"{what} is {shown(value)}; give a whole number, at least 1")
     return int(result)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Refuse in one sentence where a file cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise LinkworkError(
+            f"'{path}' cannot be written: {(error.strerror or str(error)).lower()}"
+        ) from None
+
+
+def imported(module: str, missing: str) -> Any:
+    """Return a module that may not be installed; refuse in this sentence where it is missing."""
+    try:
+        return import_module(module)
+    except ImportError:
+        raise LinkworkError(missing) from None
 
 
 def file_path(value: object, what: str) -> Path:

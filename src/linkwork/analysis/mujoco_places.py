@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from linkwork.analysis.tree_map import TreeMap
+from linkwork.checks import imported
 from linkwork.errors import LinkworkError
 from linkwork.formats.mjcf.model_plan import Move
 
@@ -68,12 +68,7 @@ def loaded() -> Any:
     Raises:
         LinkworkError: it is not installed.
     """
-    try:
-        return import_module("mujoco")
-    except ImportError:
-        raise LinkworkError(
-            "the callback needs MuJoCo; install it with 'pip install mujoco'"
-        ) from None
+    return imported("mujoco", "the callback needs MuJoCo; install it with 'pip install mujoco'")
 
 
 def named(model: Any, kind: str, name: str) -> int:

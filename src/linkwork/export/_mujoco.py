@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -172,7 +171,4 @@ def loaded() -> Any:
     Raises:
         LinkworkError: it is not installed.
     """
-    try:
-        return import_module("mujoco")
-    except ImportError:
-        raise LinkworkError(MISSING) from None
+    return checks.imported("mujoco", MISSING)

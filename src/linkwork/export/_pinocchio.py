@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -309,7 +308,4 @@ def loaded() -> Any:
     Raises:
         LinkworkError: it is not installed.
     """
-    try:
-        return import_module("pinocchio")
-    except ImportError:
-        raise LinkworkError(MISSING) from None
+    return checks.imported("pinocchio", MISSING)

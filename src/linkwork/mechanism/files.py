@@ -63,7 +63,15 @@ def read_yaml(path: Path) -> Mechanism:
 
 def write_yaml(mechanism: Mechanism, path: Path) -> None:
     """Write a mechanism, atomically."""
-    text = written(_seen_from(path.parent, mechanism))
+    write_whole(path, written(_seen_from(path.parent, mechanism)))
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text in place of the file of that name, if there is one: at once, or not at all.
+
+    Raises:
+        MechanismError: the file cannot be written.
+    """
     temporary = path.parent / f".{path.name}.{os.getpid()}"
     try:
         temporary.write_text(text, encoding="utf-8")

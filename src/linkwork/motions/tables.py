@@ -67,14 +67,10 @@ def write_csv(
         values = zip(robot.actuators, forces.values.T, strict=True)
         columns |= {f"{FORCE}{name}": value for name, value in values}
     target = checks.file_path(path, "the path")
-    try:
-        with target.open("w", newline="", encoding="utf-8") as file:
-            table = csv.writer(file)
-            table.writerow(columns)
-            table.writerows(np.stack([*columns.values()], axis=1).tolist())
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise LinkworkError(f"'{target}' cannot be written: {reason}") from None
+    with checks.writing(target), target.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow(columns)
+        table.writerows(np.stack([*columns.values()], axis=1).tolist())
     return target
 
 

@@ -20,11 +20,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from linkwork.model.charts import CompiledChart
-from linkwork.runs.passage import Passage, Segment
+from linkwork.runs.passage import Departure, Passage, Segment
 from linkwork.runs.settings import Settings
 from linkwork.runs.system import System
-from linkwork.simulation import Control, FixedStep, Method
+from linkwork.simulation import FixedStep, Method
 from linkwork.simulation.turns import SPAN
 
 if TYPE_CHECKING:
@@ -34,17 +33,6 @@ TIGHTER, FINER = 0.1, 0.5  # tolerance, and step, of the companion, relative to 
 LEAST = 1e-15  # relative tolerance of a companion that rounding leaves a meaning
 MOST = 100_000  # steps of a companion
 WORTH_TELLING = 1000.0  # times the tolerance
-
-
-class Departure(NamedTuple):
-    """Hold what a passage went out from."""
-
-    chart: CompiledChart
-    q: np.ndarray
-    v: np.ndarray
-    z: np.ndarray
-    control: Control | None
-    turns: np.ndarray | None
 
 
 class Estimate(NamedTuple):
@@ -103,7 +91,7 @@ class Compared:
             watching=False,
             interruptible=False,
         )
-        return list(other.segments(*self.start))
+        return list(other.segments(self.start))
 
     @cached_property
     def estimate(self) -> Estimate | None:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from linkwork.model import chart_transfer
 from linkwork.runs.members import Members
-from linkwork.runs.passage import Passage, Segment, Stand
+from linkwork.runs.passage import Departure, Passage, Segment, Stand
 from linkwork.runs.recording import ending, statistics
 from linkwork.runs.settings import Settings
 from linkwork.simulation import Statistics, Status
@@ -86,9 +86,8 @@ def led(batch: Members, settings: Settings, task: Task) -> SingleRun:
     if task.stand is None:
         state = batch.state(task.member)
         chart, v = chart_transfer.start(robot, state)
-        segments = list(
-            passage.segments(chart, state.q, v, system.start(robot, state.positions, state.q))
-        )
+        z = system.start(robot, state.positions, state.q)
+        segments = list(passage.segments(Departure(chart, state.q, v, z)))
     else:
         stand = task.stand._replace(chart=task.stand.chart.with_parameters(robot.p))
         here = passage.after(stand, task.before[-1].trajectory)

@@ -73,6 +73,22 @@ class Segment:
     crossed: Crossed | None = None
 
 
+class Departure(NamedTuple):
+    """Hold what a passage goes out from.
+
+    chart: to start in; q, v, z: coordinates, independent rates of the chart, and extra states
+    control: what a sampled controller holds; zeros if left out
+    turns: whole turns of angles that are not in q; none if left out
+    """
+
+    chart: CompiledChart
+    q: np.ndarray
+    v: np.ndarray
+    z: np.ndarray
+    control: Control | None = None
+    turns: np.ndarray | None = None
+
+
 class Stand(NamedTuple):
     """Hold where a run stands between two segments.
 
@@ -121,35 +137,13 @@ class Passage:
     watching: bool = True
     interruptible: bool = False
 
-    def segments(
-        self,
-        chart: CompiledChart,
-        q: np.ndarray,
-        v: np.ndarray,
-        z: np.ndarray,
-        control: Control | None = None,
-        turns: np.ndarray | None = None,
-    ) -> Iterator[Segment]:
-        """Yield the segments of the run, one after the other.
+    def segments(self, begun: Departure) -> Iterator[Segment]:
+        """Yield the segments of the run from its start, one after the other."""
+        return self.onward(self.departed(begun))
 
-        Args:
-            chart: to start in.
-            q, v, z: coordinates, independent rates of the chart, and extra states at the start.
-            control: what a sampled controller holds at the start; zeros if left out.
-            turns: whole turns of angles that are not in q; none if left out.
-        """
-        return self.onward(self.departed(chart, q, v, z, control, turns))
-
-    def departed(
-        self,
-        chart: CompiledChart,
-        q: np.ndarray,
-        v: np.ndarray,
-        z: np.ndarray,
-        control: Control | None = None,
-        turns: np.ndarray | None = None,
-    ) -> Stand:
-        """Return where the run stands at its start; arguments as of `segments`."""
+    def departed(self, begun: Departure) -> Stand:
+        """Return where the run stands at its start."""
+        chart, q, v, z, control, turns = begun
         if turns is not None:
             q, turns = self.turning.begun(q, turns)
         chart, v = self.faced(chart, q), np.concatenate([v, z])

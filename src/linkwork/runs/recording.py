@@ -93,7 +93,7 @@ def simulate(
     begun = Departure(
         chart, state.q, v, system.start(robot, state.positions, state.q, z), control, turns
     )
-    segments = list(passage.segments(*begun))
+    segments = list(passage.segments(begun))
     return record(Compared(robot, passage, begun, segments), state, besides)
 
 
@@ -111,7 +111,7 @@ def again(made: Compared, state: State, samples: int | np.ndarray) -> Run:
     leading = passage
     if passage.system.faults:  # it was interrupted: it is to come as far, not further
         leading = replace(passage, system=replace(passage.system, faults=[]), end=last)
-    segments = list(leading.segments(*made.start))
+    segments = list(leading.segments(made.start))
     return record(replace(made, passage=passage, segments=segments), state, besides)
 
 

@@ -22,7 +22,7 @@ from linkwork.errors import LinkworkError
 from linkwork.model import chart_transfer, checks
 from linkwork.model.state import State
 from linkwork.runs import recording, running
-from linkwork.runs.passage import SOFT, Segment, Stand
+from linkwork.runs.passage import SOFT, Departure, Segment, Stand
 from linkwork.runs.recording import Left
 from linkwork.runs.run_record import RunRecord
 from linkwork.runs.settings import Settings
@@ -278,7 +278,7 @@ class Stepper:
         passage = Endless(robot, system, time, np.inf, self._settings, None if fixed else pace)
         chart, v = chart_transfer.start(robot, state)
         z = system.start(robot, state.positions, state.q, z)
-        stand = passage.departed(chart, state.q, v, z, control, turns)
+        stand = passage.departed(Departure(chart, state.q, v, z, control, turns))
         self._enter(passage, stand, passage.pace)
         # Steps end at multiples of dt; of a start beside them, so many after it.
         number = round(time / self.dt)

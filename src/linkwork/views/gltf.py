@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from linkwork.checks import file_path
+from linkwork.checks import file_path, writing
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import GROUND
 from linkwork.robot import Motion, Robot, State
@@ -62,12 +62,8 @@ def write_gltf(
     if not isinstance(fps, int | float) or not 0 < fps < np.inf:
         raise LinkworkError(f"fps is {fps!r}; give a number above 0")
     content = scene_file(robot, *keys_of(robot, motion, fps))
-    try:
+    with writing(path):
         path.write_bytes(content)
-    except OSError as error:
-        raise LinkworkError(
-            f"'{path}' cannot be written: {(error.strerror or str(error)).lower()}"
-        ) from None
     return path
 
 

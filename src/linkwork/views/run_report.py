@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from linkwork.checks import writing
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import GearJoint, Limits, Mechanism
 from linkwork.mechanism.parameter_units import with_unit
@@ -53,12 +54,8 @@ def write_report(robot: Robot, run: Run, path: str | Path, *, over: Run | None =
     if path.suffix.lower() not in (".html", ".htm"):
         raise LinkworkError(f"a report is written as .html, not as {path.name!r}")
     text = render(robot, run, over)
-    try:
+    with writing(path):
         path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise LinkworkError(
-            f"'{path}' cannot be written: {(error.strerror or str(error)).lower()}"
-        ) from None
     return path
 
 

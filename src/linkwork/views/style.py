@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from linkwork.checks import writing
 from linkwork.errors import LinkworkError
 from linkwork.scene.colours import BLUE, GREEN, GREY, INK, ORANGE, PINK, SKY, VERMILION
 
@@ -103,17 +104,13 @@ def save_figure(drawn: Figure | Axes, path: str | Path) -> Path:
     path, figure = Path(path), cast("Figure", getattr(drawn, "figure", drawn))
     if path.suffix.lower() not in (".svg", ".pdf", ".png"):
         raise LinkworkError(f"a figure is written as .svg, .pdf or .png, not as {path.name!r}")
-    try:
+    with writing(path):
         if path.suffix.lower() == ".svg":
             path.write_text(svg(figure), encoding="utf-8")
         else:
             dated = {"CreationDate": None} if path.suffix.lower() == ".pdf" else {}
             with styled():
                 figure.savefig(path, dpi=300, metadata=dated)
-    except OSError as error:
-        raise LinkworkError(
-            f"'{path}' cannot be written: {(error.strerror or str(error)).lower()}"
-        ) from None
     return path
 
 

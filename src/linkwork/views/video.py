@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from linkwork.checks import file_path
+from linkwork.checks import file_path, writing
 from linkwork.errors import LinkworkError
 from linkwork.robot import Motion, Robot, State
 from linkwork.scene.scene import scene_of
@@ -84,12 +84,8 @@ def write_video(
         other, moved = timed_states(robot, over)
         faint = moved.at(nearest_samples(other, shown))
     try:
-        with styled():
+        with writing(path), styled():
             draw_all(robot, states.at(chosen), order, faint, writer, path)
-    except OSError as error:
-        raise LinkworkError(
-            f"'{path}' cannot be written: {(error.strerror or str(error)).lower()}"
-        ) from None
     except CalledProcessError as error:
         raise LinkworkError(
             f"'{path}' cannot be written: ffmpeg ends with {error.returncode}; write a .gif"

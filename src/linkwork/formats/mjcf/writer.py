@@ -17,7 +17,6 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from linkwork.formats import poses
-from linkwork.formats.files import write_file
 from linkwork.formats.mjcf.body_elements import check, write_body
 from linkwork.formats.mjcf.differences import tell_differences
 from linkwork.formats.mjcf.fluid_elements import write_fluid
@@ -29,6 +28,7 @@ from linkwork.formats.mjcf.sheet import Sheet
 from linkwork.formats.mjcf.tie_elements import write_gears, write_screws, write_springs, write_tie
 from linkwork.formats.notes import Notes
 from linkwork.mechanism import GROUND, Mechanism
+from linkwork.mechanism.files import write_whole
 
 STIFF = {"solref": "0.02 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
 OPTION = {
@@ -49,7 +49,7 @@ def write_mjcf(mechanism: Mechanism, path: Path) -> tuple[str, ...]:
             cannot be written.
     """
     text, notes = to_mjcf(mechanism, home_of(mechanism), folder=path.absolute().parent)
-    write_file(path, text)
+    write_whole(path, text)
     return notes
 
 

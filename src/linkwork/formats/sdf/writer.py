@@ -18,7 +18,6 @@ from scipy.spatial.transform import Rotation
 
 from linkwork.equations.joints import held_length, motions_of, pattern
 from linkwork.formats import poses
-from linkwork.formats.files import write_file
 from linkwork.formats.masses import solid_of
 from linkwork.formats.mjcf.laws import numbers
 from linkwork.formats.mjcf.model_plan import Home
@@ -36,6 +35,7 @@ from linkwork.mechanism import (
     Sphere,
 )
 from linkwork.mechanism.effects import Effects
+from linkwork.mechanism.files import write_whole
 
 VERSION = "1.11"
 UNBOUNDED = "1e16"  # what the specification takes for no limit
@@ -76,7 +76,7 @@ def write_sdf(mechanism: Mechanism, path: Path) -> tuple[str, ...]:
             cannot be written.
     """
     text, notes = to_sdf(mechanism)
-    write_file(path, text)
+    write_whole(path, text)
     return notes
 
 

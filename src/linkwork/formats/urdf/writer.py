@@ -21,7 +21,6 @@ from scipy.spatial.transform import Rotation
 from linkwork.equations.joints import ElementaryMotion, held_length, motions_of, pattern
 from linkwork.equations.topology import Branch, span
 from linkwork.formats import poses
-from linkwork.formats.files import write_file
 from linkwork.formats.masses import solid_of
 from linkwork.formats.mjcf.laws import numbers
 from linkwork.formats.notes import Notes
@@ -37,6 +36,7 @@ from linkwork.mechanism import (
     Sphere,
 )
 from linkwork.mechanism.effects import Effects, Friction
+from linkwork.mechanism.files import write_whole
 
 EARTH = (0.0, 0.0, -9.81)  # gravity where URDF is used
 FLOATING = ("slide", "slide", "slide", "ball")
@@ -79,7 +79,7 @@ def write_urdf(mechanism: Mechanism, path: Path) -> tuple[str, ...]:
         MechanismError: URDF cannot hold the mechanism, or the file cannot be written.
     """
     text, notes = to_urdf(mechanism)
-    write_file(path, text)
+    write_whole(path, text)
     return notes
 
 
