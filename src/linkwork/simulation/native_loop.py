@@ -177,8 +177,31 @@ def start(run):
             run.status = CLOSURE_LOST
 
 
+def attempting(advance: Dispatcher) -> Dispatcher:
+    """Return what tries one step by a method's way to advance."""
+
+    @njit(**INLINED)
+    def attempt(run):
+        """Try a step, and accept or refuse it; tell whether one may be tried."""
+        if run.accepted + run.rejected == run.course.max_steps:
+            run.status = TOO_MANY_STEPS
+            return False
+        if not aim(run):
+            return False
+        advance(run)
+        examine(run)
+        if passes(run):
+            accept(run)
+        else:
+            refuse(run)
+        return True
+
+    return attempt
+
+
 def following(advance: Dispatcher) -> Dispatcher:
     """Return the loop around a method's way to advance by one step."""
+    attempt = attempting(advance)
 
     @njit(**INLINED)
     def follow(run, rows):
@@ -192,17 +215,8 @@ def following(advance: Dispatcher) -> Dispatcher:
                     run.rows = pointer(rows)
                 if not between(run):
                     break
-            elif run.accepted + run.rejected == run.course.max_steps:
-                run.status = TOO_MANY_STEPS
+            if not attempt(run):
                 break
-            if not aim(run):
-                break
-            advance(run)
-            examine(run)
-            if passes(run):
-                accept(run)
-            else:
-                refuse(run)
         return rows
 
     return follow

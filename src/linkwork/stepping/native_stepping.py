@@ -20,14 +20,9 @@ from linkwork.simulation.compiled import INLINED, OPTIONS, compiled_once
 from linkwork.simulation.native_between import ROUNDING
 from linkwork.simulation.native_loop import (
     SIGNATURE,
-    TOO_MANY_STEPS,
-    accept,
-    aim,
+    attempting,
     begin,
     between,
-    examine,
-    passes,
-    refuse,
 )
 from linkwork.simulation.native_memory import INTEGRATION, RunCourse, integration_at
 from linkwork.simulation.native_parts import OK, add_turns, copy, project, settle, whole
@@ -67,6 +62,7 @@ CELLS = types.Array(types.float64, 1, "C")
 
 def onward(advance: Dispatcher) -> Dispatcher:
     """Return the loop around a method's way to advance, up to where the run has to stop."""
+    attempt = attempting(advance)
 
     @njit(**INLINED)
     def go(run):
@@ -77,17 +73,8 @@ def onward(advance: Dispatcher) -> Dispatcher:
                 run.saved = 0
                 if not between(run):
                     break
-            elif run.accepted + run.rejected == run.course.max_steps:
-                run.status = TOO_MANY_STEPS
+            if not attempt(run):
                 break
-            if not aim(run):
-                break
-            advance(run)
-            examine(run)
-            if passes(run):
-                accept(run)
-            else:
-                refuse(run)
 
     return go
 
