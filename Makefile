@@ -5,14 +5,17 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 BROWSER := $(VENV)/.browser
 COMPILERS := $(VENV)/.compilers
+TORCH := $(VENV)/.torch
 UV_VERSION := 0.13.8
+TORCH_VERSION := 2.15.0
+LOCKED := engines viewer control video fmu sympy jax gym sweeps
 
 .PHONY: demo test hostile bench docs lock clean
 
 demo: $(READY)  ## reproduce the paper: report.html and its data in ./demo
 	$(BIN)/linkwork reproduce --out demo
 
-test: $(READY) $(BROWSER) $(COMPILERS)  ## lint, types, all tests
+test: $(READY) $(BROWSER) $(COMPILERS) $(TORCH)  ## lint, types, all tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
@@ -27,8 +30,8 @@ bench: $(READY)  ## every must-reach figure, contenders interleaved; tables into
 docs: $(READY)  ## the documentation as a site, in ./site; nothing is loaded from a network, neither now nor when it is read
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
-lock:  ## resolve the dependencies anew; the lock names no registry, so it works with any index or mirror
-	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --generate-hashes \
+lock:  ## resolve the dependencies anew; the lock names no registry, so it works with any index or mirror, and holds PyTorch not: see there
+	$(BIN)/uv pip compile pyproject.toml $(addprefix --extra ,$(LOCKED)) --group dev --universal --generate-hashes \
 	    --no-emit-index-url --no-header --upgrade --output-file requirements.lock
 
 $(READY): requirements.lock pyproject.toml
@@ -44,6 +47,11 @@ $(BROWSER): $(READY) tests/viewer/chromium.sh  # a Chromium for the viewer's tes
 
 $(COMPILERS): $(READY) tests/export/compilers.sh  # compilers and processors for the tests of exported C; those of what is missing are skipped and say so
 	sh tests/export/compilers.sh
+	touch $@
+
+$(TORCH): $(READY)  # PyTorch for processors alone from its own index, a tenth as large; where that is out of reach, the one of the package index
+	VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --torch-backend cpu --constraints requirements.lock torch==$(TORCH_VERSION) || \
+	    VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --constraints requirements.lock torch==$(TORCH_VERSION)
 	touch $@
 
 clean:
