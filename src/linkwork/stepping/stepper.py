@@ -21,8 +21,9 @@ from linkwork.control.sampler import Sampler
 from linkwork.errors import LinkworkError
 from linkwork.model import chart_transfer, checks
 from linkwork.model.state import State
+from linkwork.patience import interruptions_held
 from linkwork.runs import recording, running
-from linkwork.runs.passage import SOFT, Departure, Segment, Stand
+from linkwork.runs.passage import SOFT, Departure, Segment, Stand, portion
 from linkwork.runs.recording import Left
 from linkwork.runs.run_record import RunRecord
 from linkwork.runs.settings import Settings
@@ -125,7 +126,7 @@ class Stepper:
             array.ctypes.data for array in (self.u, self.y)
         )
         self._counts[CELL["forces"]] = self.u.size
-        self._steps = compiled(settings.integrator.stiff)
+        self._steps, self._portion = compiled(settings.integrator.stiff), portion(nq)
         self._cells[CELL["step"]], self._cells[CELL["last"]] = self.dt, inputs.span[1]
         self._set_out(self._begun, left, left.time if left else 0.0)
 
@@ -151,7 +152,8 @@ class Stepper:
         Args:
             u: forces of the actuators (actuators) [N, N m], in their order or by name (others
                 zero), which act over all of the steps; those of before if left out.
-            steps: how many.
+            steps: how many. Ctrl-C ends a great many between two of them, from where the stepper
+                can go on.
             out: where to write the state (size of y); a new array if left out. With the stepper's
                 own y no number is copied.
 
@@ -176,8 +178,9 @@ class Stepper:
             steps = count(steps, "steps")
         if out is not None and out is not self.y:
             require_room(out, self.y.shape)
-        if code := self._steps(self._cells, steps):
-            self._attend(code)
+        if steps > self._portion:
+            steps = portions_taken(self._take, steps, self._portion)
+        self._take(steps)
         if out is None:
             return self.y.copy()
         if out is not self.y:
@@ -332,6 +335,11 @@ class Stepper:
             )
         self.u[:] = given
 
+    def _take(self, steps: int) -> None:
+        """Take so many steps."""
+        if code := self._steps(self._cells, steps):
+            self._attend(code)
+
     def _attend(self, code: int) -> None:
         """Do what compiled steps were left for, and take those that are left; refuse where none can
         be taken."""
@@ -413,6 +421,18 @@ class Stepper:
 def is_free(forces: Forces) -> bool:
     """Tell whether forces are numbers, for which others may be given step by step."""
     return not (callable(forces) or isinstance(forces, (Sampler, *GIVEN)))
+
+
+def portions_taken(take: Callable[[int], None], steps: int, most: int) -> int:
+    """Take steps in portions, between which Ctrl-C is heard; return how many the last one has,
+    which is left to do."""
+    while steps > most:
+        with interruptions_held() as came:
+            take(most)
+        if came():
+            raise KeyboardInterrupt
+        steps -= most
+    return steps
 
 
 def require_one(robot: Model, state: State) -> None:

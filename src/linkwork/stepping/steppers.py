@@ -20,7 +20,7 @@ from linkwork.model.parameters import with_parameters
 from linkwork.model.state import State
 from linkwork.model.turning import turning
 from linkwork.runs.members import Members, forces_of_each, members
-from linkwork.runs.passage import CLOSURE, LOWER, RECOVERED, SOFT
+from linkwork.runs.passage import CLOSURE, LOWER, RECOVERED, SOFT, portion
 from linkwork.runs.running import EXAMPLE
 from linkwork.runs.settings import Settings
 from linkwork.runs.side_by_side import Stands, begun, in_better_charts, pivots
@@ -43,7 +43,13 @@ from linkwork.stepping.native_many import (
     StepDemands,
     steps,
 )
-from linkwork.stepping.stepper import ROUNDING, Stepper, is_free, require_room
+from linkwork.stepping.stepper import (
+    ROUNDING,
+    Stepper,
+    is_free,
+    portions_taken,
+    require_room,
+)
 from linkwork.threads import crew, usable_processors
 
 if TYPE_CHECKING:
@@ -143,6 +149,7 @@ class Steppers:
         timed = np.delete(inputs.coefficients, range(first, first + commands), axis=2).size > 0
         own_turning = turning(batch.robot.turning, batch.robot.chart, acting)
         asked = np.ascontiguousarray(own_turning.table[:2])
+        self._portion = max(1, portion(nq) // max(N, 1))
         self._asked = StepDemands(asked, self.dt, CLOSURE * batch.robot.size, first)
         self._inputs = RK4(self.dt).plan.table, inputs.table, timed
         self._seen = np.zeros((N, len(batch.robot.coordinates)))
@@ -172,7 +179,8 @@ class Steppers:
             u: forces of the actuators (N, actuators), or (actuators) for all [N, N m], which act
                 over all of the steps; those of before if left out. Of numbers that are not finite
                 the member is told, by its status.
-            steps: how many.
+            steps: how many. Ctrl-C ends a great many between two of them, from where the steppers
+                can go on.
             out: where to write the states; a new array if left out. With the steppers' own y no
                 number is copied.
 
@@ -187,21 +195,27 @@ class Steppers:
         if out is not None and out is not self.y:
             require_room(out, self.y.shape)
         self._require_signals(steps)
-        left = self._herd.counts[LEFT]
-        left[:] = steps
-        # Charts are changed where they weaken, until nobody has steps left.
-        stopped = self._take(self._running())
-        while stopped:
-            self._teams = None
-            self._change_charts()
-            on = [(chart, who[left[who] > 0]) for chart, who in self._running()]
-            stopped = self._take([(chart, who) for chart, who in on if who.size])
-        self._raise_bounds()
+        if steps > self._portion:
+            steps = portions_taken(self._take, steps, self._portion)
+        self._take(steps)
         if out is None:
             return self.y.copy()
         if out is not self.y:
             out[:] = self.y
         return out
+
+    def _take(self, steps: int) -> None:
+        """Take so many steps of all members that go on."""
+        left = self._herd.counts[LEFT]
+        left[:] = steps
+        # Charts are changed where they weaken, until nobody has steps left.
+        stopped = self._dealt(self._running())
+        while stopped:
+            self._teams = None
+            self._change_charts()
+            on = [(chart, who[left[who] > 0]) for chart, who in self._running()]
+            stopped = self._dealt([(chart, who) for chart, who in on if who.size])
+        self._raise_bounds()
 
     @property
     def states(self) -> State:
@@ -334,7 +348,7 @@ class Steppers:
         """Return the chart of a member."""
         return next(chart for number, chart in self._charts.values() if number == self._of[i])
 
-    def _take(self, teams: Sequence[tuple[CompiledChart, np.ndarray]]) -> int:
+    def _dealt(self, teams: Sequence[tuple[CompiledChart, np.ndarray]]) -> int:
         """Take the steps that are left of members; return how many had to stop."""
         stopped = 0
         for chart, who in teams:
