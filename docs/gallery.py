@@ -12,7 +12,7 @@ PICTURES = DOCS / "images" / "examples"
 EXAMPLES = DOCS.parent / "examples"
 HEAD = """# Examples
 
-Thirteen programs of 20 to 60 lines, to be read from top to bottom and to start from. They are in
+Fourteen programs of 20 to 60 lines, to be read from top to bottom and to start from. They are in
 the repository's folder `examples`; each runs by itself, `python examples/01_own_robot.py`, and
 draws its picture into the folder that it is started in.
 
