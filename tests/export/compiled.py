@@ -25,6 +25,31 @@ from tests.processes import PATIENCE
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror"]
 
 
+SERVER = """
+#include "{name}.h"
+#include <stdio.h>
+int main(int count, char **words)
+{{
+    double in[256], out[1024];
+    (void)count;
+    switch (words[1][0] - '0') {{
+{cases}
+    }}
+    return 0;
+}}
+"""
+CASE = """
+    case {k}:
+        while (fread(in, sizeof in[0], {n_in}, stdin) == {n_in}) {{
+            out[{n_out}] = (double){name}_{function}({arguments});
+            (void)fwrite(out, sizeof out[0], {n_out} + 1, stdout);
+        }}
+        break;
+"""
+"""A program that reads what its function number k takes, row after row, and writes what that gives,
+and the status after it."""
+
+
 def compiler(name: str) -> list[str]:
     """Return the command of a compiler, nothing where it is not there."""
     if name == "zig":
@@ -100,6 +125,51 @@ class Library:
         numbers = [("t", kind), ("q", q), ("w", w), ("next", kind)]
         fields = [*numbers, ("own", ctypes.c_int), ("changes", ctypes.c_int)]
         return type("State", (ctypes.Structure,), {"_fields_": fields})
+
+
+class Program:
+    """An export compiled to a program for another processor, with the roundings of this machine's
+    kernels, which answers for many rows at a time."""
+
+    def __init__(
+        self, robot: Robot, export: CExport, folder: Path, compiling: list[str], running: list[str]
+    ):
+        self.layouts, self.functions = layouts(robot), export.functions
+        self.command = [*running, str(folder / "server")]
+        export.write(folder)
+        cases = [self._case(k, export.name, each) for k, each in enumerate(export.functions)]
+        server = folder / "server.c"
+        server.write_text(SERVER.format(name=export.name, cases="".join(cases)))
+        same = [f"-D{export.name.upper()}_SAME_NUMBERS"] if this_machine().has_fma else []
+        sources = [server, folder / f"{export.name}.c"]
+        run([*compiling, *STRICT, "-O1", *same, *sources, "-o", self.command[-1], "-lm"])
+
+    def __call__(self, name: str, rows: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Call a function for rows of what it takes; return the statuses and what it gives."""
+        given = np.ascontiguousarray(np.concatenate(rows, axis=1), float)
+        done = subprocess.run(
+            [*self.command, str(self.functions.index(name))],
+            input=given.tobytes(),
+            stdout=subprocess.PIPE,
+            timeout=PATIENCE,
+            check=True,
+        )
+        found = np.frombuffer(done.stdout).reshape(len(given), -1)
+        return found[:, -1], found[:, :-1]
+
+    def _case(self, k: int, name: str, function: str) -> str:
+        words, counts = [], {"in": 0, "out": 0}
+        for each in CALLS[function].arguments:
+            words.append(f"{each.role} + {counts[each.role]}")
+            counts[each.role] += int(np.prod([len(self.layouts[size]) for size in each.sizes]))
+        return CASE.format(
+            k=k,
+            name=name,
+            function=function,
+            arguments=", ".join(words),
+            n_in=counts["in"],
+            n_out=counts["out"],
+        )
 
 
 def pointer(value: object) -> object:

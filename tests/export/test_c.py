@@ -1,6 +1,7 @@
 """C against the kernels, bit by bit on every robot of the catalogue, and what is refused."""
 
 import os
+import shutil
 
 import numpy as np
 import pytest
@@ -12,14 +13,17 @@ from linkwork.model.checks import PIVOT_BOUND
 from linkwork.robot import Robot
 
 from tests.catalogue import built
-from tests.export.compiled import STRICT, Library, compiler, run
+from tests.export.compiled import STRICT, Library, Program, compiler, run
 
 OK, SINGULAR, NOT_FINITE = range(3)
 STRAIGHT = ["motion", "inverse_dynamics", "mass_matrix", "jacobian", "closure"]
 WHOLE = os.environ.get("LINKWORK_HOSTILE") == "all"
 SAMPLES = 10_000 if WHOLE else 50
-ULP = {"jacobian": 16 * 2.0**-52, "closure": 16 * 2.0**-52}
-"""Differences over the largest entry, where terms cancel that are rounded otherwise; else 4 ulp."""
+ABROAD = lw.robots.__all__ if WHOLE else ("prr3", "rrs3", "spatial_slider_crank")
+PROCESSORS = {
+    "aarch64": ("aarch64-linux-gnu-gcc", "qemu-aarch64"),
+    "armhf": ("arm-linux-gnueabihf-gcc", "qemu-arm"),
+}
 
 
 def samples(robot: Robot, count: int = SAMPLES) -> dict[str, np.ndarray]:
@@ -42,19 +46,47 @@ def test_c_gives_the_numbers_of_the_kernels(name, tmp_path):
     wanted = [each for each in wanted if has(robot, each)]
     library, given = Library(robot, lw.export.c(robot, wanted), tmp_path), samples(robot)
     for function in wanted:
-        piece = PROGRAMS[function]
-        inputs = [given[each] for each in piece.inputs]
-        own = function == "motion" or robot.actuators == robot.independent
-        known = function in ("motion", "inverse_dynamics") and own
-        kernel = robot.kernel(function) if known else compile_function(piece.make(robot))
-        for row in zip(*inputs, strict=True):
-            status, found = library(function, *row)
-            y = kernel.flat(*row)
-            expected, pivot = (y[:-1], abs(y[-1])) if piece.outputs[-1] == "pivot" else (y, 1.0)
-            assert (status == SINGULAR) == (not pivot > PIVOT_BOUND)
-            largest = np.abs(expected).max(initial=0.0)
-            atol = ULP.get(function, 4 * 2.0**-52) * (largest if np.isfinite(largest) else 0.0)
-            np.testing.assert_allclose(np.concatenate(found), expected, rtol=0, atol=atol)
+        rows = inputs_of(function, given)
+        found = [library(function, *row) for row in zip(*rows, strict=True)]
+        statuses = np.array([status for status, _ in found])
+        require_equal(robot, function, rows, statuses, [np.concatenate(out) for _, out in found])
+
+
+@pytest.mark.parametrize("processor", PROCESSORS)
+@pytest.mark.parametrize("name", ABROAD)
+def test_other_processors_give_the_numbers_of_the_kernels(name, processor, tmp_path):
+    compiling, running = PROCESSORS[processor]
+    if missing := [each for each in (compiling, running) if not shutil.which(each)]:
+        pytest.skip(f"{' and '.join(missing)} not installed")
+    robot = built(name)
+    wanted = [each for each in STRAIGHT if has(robot, each)]
+    export, given = lw.export.c(robot, wanted), samples(robot)
+    program = Program(robot, export, tmp_path, [compiling, "-static"], [running])
+    for function in wanted:
+        rows = inputs_of(function, given)
+        statuses, found = program(function, rows)
+        require_equal(robot, function, rows, statuses, found)
+
+
+def inputs_of(function: str, given: dict[str, np.ndarray]) -> list[np.ndarray]:
+    """Return what a function takes, an array of rows for each input."""
+    return [given[each] for each in PROGRAMS[function].inputs]
+
+
+def require_equal(robot: Robot, function: str, rows, statuses, found) -> None:
+    """Compare with the kernel of a function: 4 units in the last place of the largest entry, and
+    the status that its pivot asks for."""
+    piece = PROGRAMS[function]
+    own = function == "motion" or robot.actuators == robot.independent
+    known = function in ("motion", "inverse_dynamics") and own
+    kernel = robot.kernel(function) if known else compile_function(piece.make(robot))
+    for status, out, *row in zip(statuses, found, *rows, strict=True):
+        y = kernel.flat(*row)
+        expected, pivot = (y[:-1], abs(y[-1])) if piece.outputs[-1] == "pivot" else (y, 1.0)
+        assert (status == SINGULAR) == (not pivot > PIVOT_BOUND)
+        largest = np.abs(expected).max(initial=0.0)
+        atol = 4 * 2.0**-52 * (largest if np.isfinite(largest) else 0.0)
+        np.testing.assert_allclose(out, expected, rtol=0, atol=atol)
 
 
 def has(robot: Robot, function: str) -> bool:

@@ -66,6 +66,7 @@ def turn_text(dialect: Dialect) -> str:
         "BOUND_WITHOUT_FMA": dialect.constant(own.bounds[1]),
         "PER_QUARTER": dialect.constant(elementary.TWO_OVER_PI),
         "ROUND": dialect.constant(own.whole),
+        "HALF": dialect.constant(0.5),
         "REDUCTION_WITH_FMA": _reduction(own.parts[0], dialect),
         "REDUCTION_WITHOUT_FMA": _reduction(own.parts[1], dialect),
         "SINE_POLYNOMIAL": _horner(own.sine, dialect),
@@ -76,7 +77,7 @@ def turn_text(dialect: Dialect) -> str:
 
 def _reduction(parts: Sequence[float], dialect: Dialect) -> str:
     """Return the statements that subtract a multiple of pi/2 in parts."""
-    lines, rest = [], "near_x"
+    lines, rest = [], "x[k]"
     for k, part in enumerate(parts):
         name = "r" if k == len(parts) - 1 else f"r{k}"
         lines.append(

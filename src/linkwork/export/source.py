@@ -73,7 +73,7 @@ def source_text(
     values = [robot.parameters[path] for path in fields]
     parts = [
         about(robot, notes),
-        '#include "LW_FILE.h"\n\n#include <math.h>\n#include <stdint.h>\n',
+        '#include "LW_FILE.h"\n\n#include <math.h>\n',
     ]
     parts += [filled("arithmetic.c", dialect)]
     parts += [turn_text(dialect)] * ("lw_turn(" in body)

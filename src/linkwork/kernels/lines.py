@@ -164,7 +164,15 @@ class Lines:
         return self.let(f"fcmp {predicate} {self.number} {a}, {b}")
 
     def select(self, condition: str, a: str, b: str) -> str:
-        return self.let(f"select {self.truth} {condition}, {self.number} {a}, {self.number} {b}")
+        """Return a where the condition holds, else b.
+
+        A single one may not become a branch, which would part products from the sums that take
+        them up and change what is rounded.
+        """
+        kept = ", !unpredictable !{}" if self.width == 1 else ""
+        return self.let(
+            f"select {self.truth} {condition}, {self.number} {a}, {self.number} {b}{kept}"
+        )
 
     def phi(self, a: str, block_a: str, b: str, block_b: str) -> str:
         """Return a where the block is entered from block a, b where it is entered from block b."""

@@ -8,9 +8,16 @@ static void lw_turn(int n, const lw_real *x, lw_real *s, lw_real *c)
 {
     int k, far = 0;
     for (k = 0; k < n; ++k) {
-        const lw_real near_x = fabs(x[k]) <= LW_LARGEST_ANGLE ? x[k] : 0;
-        const lw_real shifted = LW_FMA(near_x, PER_QUARTER, ROUND);
+        far |= !(fabs(x[k]) <= LW_LARGEST_ANGLE);
+    }
+    for (k = 0; k < n; ++k) {
+        const lw_real shifted = LW_FMA(x[k], PER_QUARTER, ROUND);
         const lw_real quarters = shifted - ROUND;
+        const lw_real halves = LW_FMA(quarters, HALF, ROUND) - ROUND;
+        const lw_real fourths = LW_FMA(halves, HALF, ROUND) - ROUND;
+        const lw_real odd = quarters - 2 * halves;
+        const lw_real odd_half = halves - 2 * fourths;
+        const lw_real even = 1 - odd * odd - 2 * odd_half * odd_half;
 #ifdef LW_ONE_ROUNDING
 REDUCTION_WITH_FMA
 #else
@@ -20,12 +27,8 @@ REDUCTION_WITHOUT_FMA
         const lw_real cube = z * r;
         const lw_real sine = LW_FMA(cube, SINE_POLYNOMIAL, r);
         const lw_real cosine = LW_FMA(z, COSINE_POLYNOMIAL, 1);
-        const int32_t quadrant = (int32_t)quarters;
-        const int odd = (quadrant & 1) != 0;
-        const lw_real half_turn = (quadrant & 2) != 0 ? (lw_real)-1 : (lw_real)1;
-        s[k] = (odd ? cosine : sine) * half_turn;
-        c[k] = (odd ? -sine : cosine) * half_turn;
-        far |= !(fabs(x[k]) <= LW_LARGEST_ANGLE);
+        s[k] = LW_FMA(cosine, odd, sine * even);
+        c[k] = LW_FMA(-sine, odd, cosine * even);
     }
     for (k = 0; far && k < n; ++k) {
         if (!(fabs(x[k]) <= LW_LARGEST_ANGLE)) {
