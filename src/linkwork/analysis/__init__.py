@@ -1,14 +1,16 @@
 """Study a robot: its branches, singularities and workspace, small motions, parameters from
-measurements, statics."""
+measurements, statics, errors of the tool."""
 
 from linkwork.analysis._actuation import ActuationModel, actuation
 from linkwork.analysis._assembly_modes import Modes, assembly_modes, working_modes
 from linkwork.analysis._base_parameters import Base, base_parameters
 from linkwork.analysis._dexterity import Dexterity, dexterity, global_conditioning
 from linkwork.analysis._equilibrium import Equilibrium, distributed_forces, equilibria, equilibrium
+from linkwork.analysis._error_budget import Contribution, ErrorBudget, error_budget
 from linkwork.analysis._jacobians import Jacobians, input_output, jacobians
 from linkwork.analysis._transmission_indices import TransmissionIndices, transmission_indices
 from linkwork.analysis._workspace import content, inscribed, workspace
+from linkwork.analysis.error_sources import ErrorSource
 from linkwork.analysis.excitation import Excitation, exciting_trajectory
 from linkwork.analysis.identification import Identification, Measured, identify, periodic
 from linkwork.analysis.linearisation import (
@@ -25,8 +27,11 @@ from linkwork.moved import renamed
 __all__ = [
     "ActuationModel",
     "Base",
+    "Contribution",
     "Dexterity",
     "Equilibrium",
+    "ErrorBudget",
+    "ErrorSource",
     "Excitation",
     "Identification",
     "Jacobians",
@@ -46,6 +51,7 @@ __all__ = [
     "distributed_forces",
     "equilibria",
     "equilibrium",
+    "error_budget",
     "exciting_trajectory",
     "global_conditioning",
     "identify",

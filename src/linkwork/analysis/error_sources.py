@@ -1,0 +1,164 @@
+"""Sources of a tool's error: numbers of the description with tolerances, joints with play, drives
+with a resolution.
+
+Each source k is a vector of a few numbers that lies anywhere in a ball of radius s_k, alike: one
+number between -s and s (a tolerance, half a step of a drive), the offset of a joint's two frames by
+no more than its clearance. In d dimensions the deviation of each of its numbers is s / sqrt(d + 2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+
+from linkwork import checks
+from linkwork.errors import LinkworkError
+from linkwork.mechanism import Mechanism
+from linkwork.mechanism.numbers import SECTIONS, Where, contents, free_numbers, located
+from linkwork.mechanism.parameter_units import unit_of_parameter
+from linkwork.robot import Robot
+
+WILD = "*?["
+
+
+@dataclass(frozen=True)
+class ErrorSource:
+    """Describe a source of errors.
+
+    name: path of a number, name of a joint or an actuator
+    kind: "tolerance", "clearance" or "resolution"
+    size: radius of the ball that it lies in: a tolerance, a clearance, half a resolution [unit]
+    numbers: paths of its numbers; none of a drive
+    """
+
+    name: str
+    kind: str
+    size: float
+    unit: str
+    numbers: tuple[str, ...] = ()
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of each of its numbers [unit]."""
+        return self.size / np.sqrt(max(len(self.numbers), 1) + 2)
+
+    def __str__(self) -> str:
+        said = {"tolerance": "", "clearance": ", clearance", "resolution": ", resolution"}
+        return self.name + said[self.kind]
+
+
+def sources_of(
+    robot: Robot, tolerances: Any, clearances: Any, resolution: Any
+) -> tuple[ErrorSource, ...]:
+    """Return what `error_budget` is given as sources, with the paths of their numbers; refuse what
+    names nothing, or the same number twice."""
+    found = [
+        *(tolerance(robot.mechanism, *item) for item in tolerances_of(robot.mechanism, tolerances)),
+        *(clearance(robot, *item) for item in sizes_of(clearances, playing(robot), "clearance")),
+        *(
+            ErrorSource(name, "resolution", step / 2, robot.unit(name))
+            for name, step in sizes_of(resolution, robot.actuators, "resolution", "actuator")
+        ),
+    ]
+    if not found:
+        raise LinkworkError(
+            "no source of errors is given; give tolerances by path, such as {'rod_1.length': "
+            "1e-5}, clearances by joint or resolutions by actuator"
+        )
+    return tuple(found)
+
+
+def tolerances_of(mechanism: Mechanism, given: Any) -> Iterator[tuple[str, float]]:
+    """Yield paths and tolerances, patterns replaced by all the paths that they match."""
+    named = checks.by_name(given or {}, "the tolerances", "{'rod_*.length': 1e-5}")
+    taken: dict[Where, str] = {}
+    for pattern, value in named.items():
+        size = checks.positive(value, f"the tolerance of {pattern!r}")
+        wild = any(letter in pattern for letter in WILD)
+        for path in matching(mechanism, pattern) if wild else [pattern]:
+            where = located(mechanism, path)[0]
+            if where in taken:
+                raise LinkworkError(
+                    f"the tolerances of {taken[where]!r} and {pattern!r} are both those of "
+                    f"{path!r}; name it once"
+                )
+            taken[where] = pattern
+            yield path, size
+
+
+def matching(mechanism: Mechanism, pattern: str) -> list[str]:
+    """Return the paths of all numbers that can be free and match a pattern, with or without their
+    section."""
+    found = []
+    for path in (".".join(where) for where in numbers(mechanism)):
+        short = path.split(".", 1)[1] if path.split(".", 1)[0] in SECTIONS else path
+        if fnmatchcase(short, pattern) or fnmatchcase(path, pattern):
+            try:
+                free_numbers(mechanism, [path])
+            except LinkworkError:
+                continue
+            found.append(short if unique(mechanism, short) else path)
+    if not found:
+        raise LinkworkError(
+            f"the tolerance {pattern!r} matches no number that can be free; give a path such as "
+            "'rod_*.length' or 'pivot_*.frames.0.position.x'"
+        )
+    return found
+
+
+def unique(mechanism: Mechanism, path: str) -> bool:
+    """Tell whether a path leads to one number."""
+    try:
+        located(mechanism, path)
+    except LinkworkError:
+        return False
+    return True
+
+
+def numbers(item: Any, before: Where = ()) -> Iterator[Where]:
+    """Yield where the numbers of a description are, the components of vectors by x, y, z."""
+    inside = contents(item)
+    if isinstance(item, tuple) and len(item) == 3 and isinstance(item[0], float):
+        inside = dict(zip("xyz", item, strict=True))
+    for key, part in inside.items():
+        if isinstance(part, float):
+            yield (*before, key)
+        else:
+            yield from numbers(part, (*before, key))
+
+
+def tolerance(mechanism: Mechanism, path: str, size: float) -> ErrorSource:
+    """Return the source that a number with a tolerance is."""
+    return ErrorSource(path, "tolerance", size, unit_of_parameter(mechanism, path), (path,))
+
+
+def playing(robot: Robot) -> tuple[str, ...]:
+    """Return the names of the joints that hold two frames together, which may have play."""
+    joints = robot.mechanism.joints.items()
+    return tuple(
+        name for name, joint in joints if hasattr(joint, "frames") and len(joint.rates(name)) < 6
+    )
+
+
+def clearance(robot: Robot, joint: str, size: float) -> ErrorSource:
+    """Return the source that a joint with play is: the offset of its frame on its first body."""
+    axes = "xy" if robot.planar else "xyz"
+    paths = tuple(f"joints.{joint}.frames.0.position.{axis}" for axis in axes)
+    return ErrorSource(joint, "clearance", size, "m", paths)
+
+
+def sizes_of(
+    given: Any, names: tuple[str, ...], kind: str, of: str = "joint"
+) -> Iterator[tuple[str, float]]:
+    """Yield names and sizes: one number for all, or by name."""
+    if given is None:
+        return
+    if not isinstance(given, Mapping):
+        given = dict.fromkeys(names, checks.positive(given, f"the {kind}"))
+    checks.known(given, names, of, f" with a {kind}")
+    for name, value in given.items():
+        yield name, checks.positive(value, f"the {kind} of {name!r}")
