@@ -203,7 +203,8 @@ def link_at(name: str, joint: PairJoint, poses: Poses, driven: bool) -> Link:
     at = [poses[body] for body in joint.connects]
     p1, p2 = (p + R @ frame.position for (p, R), frame in zip(at, joint.frames, strict=True))
     R1, R2 = (
-        R @ rotation_matrix(frame.rotation) for (_, R), frame in zip(at, joint.frames, strict=True)
+        R @ rotation_matrix(frame.orientation)
+        for (_, R), frame in zip(at, joint.frames, strict=True)
     )
     held = []
     for row in rows_of(joint):

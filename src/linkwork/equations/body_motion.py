@@ -11,7 +11,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, cross, rotation_matrix, spin, vector, zero
+from linkwork.equations.algebra import SX, cross, spin, vector, zero
+from linkwork.equations.frames import turned_by
 from linkwork.equations.jacobians import jacobian
 from linkwork.equations.joint_map import derivative
 from linkwork.equations.orientation import Orientation
@@ -67,7 +68,7 @@ def tool_pose(tree: Tree, tool: Tool) -> ToolPose:
     """Return where a tool is, in the ground or in the frame of the body that it is relative to."""
     node, planar = tree.node(tool.body), is_planar(tree)
     p = node.O + offset(node, vector(tool.frame.position))
-    R = node.R.then_constant(rotation_matrix(tool.frame.rotation))
+    R = turned_by(node.R, tool.frame)
     angle = planar_angle(R) if planar else SX(0)
     if tool.relative_to == GROUND:
         return ToolPose(p, ca.vec(R.matrix.T), angle)

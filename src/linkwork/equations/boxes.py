@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import casadi as ca
 
-from linkwork.equations.algebra import SX, Number, dot, rotation_matrix, vector
+from linkwork.equations.algebra import SX, Number, dot, vector
+from linkwork.equations.frames import frame_matrix
 from linkwork.equations.meeting import PARALLEL, TINY, Meeting, share
 from linkwork.equations.tree import Node, offset
 from linkwork.mechanism.contact import Points
@@ -25,7 +26,7 @@ from linkwork.mechanism.shapes import Shape
 
 def on_box(node: Node, box: Points | Shape, ends: list[ca.SX], radius: Number) -> Meeting:
     """Return where a ball about a point, or a capsule between two, meets a box of a node's body."""
-    R = ca.mtimes(node.R.matrix, SX(rotation_matrix(box.frame.rotation)))
+    R = ca.mtimes(node.R.matrix, SX(frame_matrix(box.frame)))
     origin = node.O + offset(node, vector(box.frame.position))
     h = SX(vector(box.touching.halves))
     local = [ca.mtimes(R.T, end - origin) for end in ends]

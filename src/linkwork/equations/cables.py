@@ -37,7 +37,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from linkwork.equations.algebra import SX, cross, dot, rotation_matrix, vector
+from linkwork.equations.algebra import SX, cross, dot, vector
+from linkwork.equations.frames import frame_matrix
 from linkwork.mechanism import GROUND, Cable, OverCylinder, OverSphere, PulleyBlock, ViaPoint
 
 TINY = 1e-15  # of lengths and areas that have no direction, in MuJoCo's own units
@@ -120,7 +121,7 @@ def round_surface(
     """Return the straight parts between two points past a surface, and the length of the arc."""
     # The points in the surface's frame, and in the plane in which the cable is bent.
     R_body, origin = place(surface.body)
-    R = ca.mtimes(R_body, SX(rotation_matrix(surface.frame.rotation)))
+    R = ca.mtimes(R_body, SX(frame_matrix(surface.frame)))
     centre = origin + ca.mtimes(R_body, vector(surface.frame.position))
     p = [ca.mtimes(R.T, point - centre) for _, point in ends]
     axes = SX.eye(3)[:, :2] if isinstance(surface, OverCylinder) else bending_plane(*p)

@@ -31,12 +31,12 @@ from linkwork.equations.algebra import (
     constant,
     cross,
     dot,
-    rotation_matrix,
     snap,
     spin,
     vector,
     zero,
 )
+from linkwork.equations.frames import frame_matrix, turned_by
 from linkwork.equations.joints import ElementaryMotion, Row, motions_of, rows_of, transversals
 from linkwork.equations.orientation import Orientation, convert
 from linkwork.equations.tree import Column, Node, Tree, in_axes, in_base
@@ -53,7 +53,7 @@ class Side:
 
     node: Node
     arm: Vector
-    R_F: np.ndarray
+    R_F: Vector
     P: ca.SX
     R: Orientation
 
@@ -94,7 +94,7 @@ def cut(tree: Tree, name: str, joint: PairJoint) -> Cut:
     )
     swapped = len(tree.path(sides[1].node)) < len(tree.path(sides[0].node))
     this = sides[1] if swapped else sides[0]
-    rows = rows_of(joint, snap(this.R_F.T @ tree.number(this.arm)))
+    rows = rows_of(joint, snap(tree.number(this.R_F.T @ tree.number(this.arm))))
     return Cut(
         name,
         sides,
@@ -105,9 +105,9 @@ def cut(tree: Tree, name: str, joint: PairJoint) -> Cut:
 
 
 def side(tree: Tree, body: str, frame: Frame) -> Side:
-    node, position, R_F = (tree.node(body), vector(frame.position), rotation_matrix(frame.rotation))
+    node, position, R_F = tree.node(body), vector(frame.position), frame_matrix(frame)
     arm = snap(position - node.frame_origin, tree.length)
-    return Side(node, arm, R_F, node.O + in_base(node.R, arm), node.R.then_constant(R_F))
+    return Side(node, arm, R_F, node.O + in_base(node.R, arm), turned_by(node.R, frame))
 
 
 def residuals(cut: Cut) -> list[ca.SX]:
@@ -251,7 +251,7 @@ def effects(
     return found
 
 
-def turning_alike(tree: Tree, cut: Cut) -> dict[int, tuple[np.ndarray, ca.SX]]:
+def turning_alike(tree: Tree, cut: Cut) -> dict[int, tuple[Vector, ca.SX]]:
     """Return, for the last nodes of this side that differ by constant rotations and slides only, C
     and d by index.
 
@@ -273,16 +273,18 @@ def turning_alike(tree: Tree, cut: Cut) -> dict[int, tuple[np.ndarray, ca.SX]]:
 def near_enough(cut: Cut, row: Row, column: Column, node: Node) -> bool:
     """Tell whether a column's effect on a row can be written in the frame of this side's body."""
     plain = row.length is None and not row.crossing
-    return plain and column.local_z is not None and not (node.turns and cut.open)
+    fixed = column.local_z is not None and isinstance(cut.this.R_F, np.ndarray)
+    return plain and fixed and not (node.turns and cut.open)
 
 
 def near_effects(
-    cut: Cut, places: Sequence[int], column: Column, node: Node, C: np.ndarray, d: ca.SX
+    cut: Cut, places: Sequence[int], column: Column, node: Node, C: Vector, d: ca.SX
 ) -> ca.SX:
     """Return `effects` in the frame of this side's body, where the rows' directions and the column
     are constant."""
     R_F, rows = cut.this.R_F, [cut.rows[k] for k in places]
-    z, s = (constant(snap(C @ part)) for part in (column.local_z, column.local_s))
+    fixed = column.local_z, column.local_s
+    z, s = (constant(snap(C @ part)) for part in fixed if part is not None)
     along = constant(np.array([snap(R_F @ row.e) for row in rows]))
     about = constant(np.array([snap(R_F @ row.moment) for row in rows]))
     turned = ca.mtimes(about, z) if node.turns else SX.zeros(len(rows))

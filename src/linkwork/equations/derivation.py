@@ -392,6 +392,12 @@ def refuse_out_of_plane(
         local = ca.sparsify(ca.mtimes(node.R.near.T, omega[node.index])[:2])
         if not local.nnz():
             continue
+        if ca.depends_on(local, tree.p):
+            raise MechanismError(
+                "gives only zz, but free turns of frames may turn the body about other axes than "
+                "its z; give xx, yy and zz",
+                ("bodies", name, "inertia"),
+            )
         turning = tree.evaluated("turning", [local], inputs=[rates])
         for q, Phi in zip(configurations, samples, strict=True):
             motions = tree.rate_units[:, None] * mobility.free_motions(Phi)

@@ -35,7 +35,8 @@ from math import pi
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, cross, dot, present, rotation_matrix, vector
+from linkwork.equations.algebra import SX, cross, dot, present, vector
+from linkwork.equations.frames import frame_matrix
 from linkwork.equations.tree import Node, Tree, offset
 from linkwork.mechanism import BoxDrag, EllipsoidDrag, Fluid, Mechanism
 
@@ -80,7 +81,7 @@ def resisting(mechanism: Mechanism, tree: Tree, rates: ca.SX) -> Iterator[Resist
         A, arm = node.axes.matrix, offset(node, vector(drag.frame.position))
         omega = ca.mtimes(A, omegas[node.index])
         v = ca.mtimes(A, velocities[node.index]) + cross(omega, arm)
-        R = ca.mtimes(node.R.matrix, SX(rotation_matrix(drag.frame.rotation)))
+        R = ca.mtimes(node.R.matrix, SX(frame_matrix(drag.frame)))
         seen = ca.mtimes(R.T, omega), ca.mtimes(R.T, v - SX(vector(fluid.wind)))
         box = isinstance(drag, BoxDrag)
         acting = on_box(drag, fluid, *seen) if box else on_ellipsoid(drag, fluid, *seen)

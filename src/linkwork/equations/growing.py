@@ -16,14 +16,15 @@ import numpy as np
 
 from linkwork.equations.algebra import (
     SX,
+    Vector,
     constant,
     quaternion_matrix,
-    rotation_matrix,
     snap,
     symbol,
     vector,
     zero,
 )
+from linkwork.equations.frames import frame_matrix, turned_back, turned_by
 from linkwork.equations.joints import ElementaryMotion, motions_of
 from linkwork.equations.moments import Moments, regrouped
 from linkwork.equations.orientation import Orientation
@@ -84,11 +85,12 @@ def branch_nodes(
     steps = list(placed(motions_of(joint), start, rate))
     if branch.reversed:
         steps = [(motion.reversed(), places, rates) for motion, places, rates in reversed(steps)]
-    origin, own = vector(outer.position), rotation_matrix(outer.rotation).T
+    origin, own = vector(outer.position), frame_matrix(outer).T
     arm, turned = (
         snap(vector(inner.position) - parent.frame_origin, length),
-        rotation_matrix(inner.rotation),
+        frame_matrix(inner),
     )
+    before = turned_by(parent.R, inner)
     # A node for each step: turned and moved against the one before; the last one is the body.
     for index, (motion, places, rates) in enumerate(
         steps or [(None, range(0), range(0))], start=first
@@ -96,7 +98,7 @@ def branch_nodes(
         last = index == first + max(len(steps), 1) - 1
         after = own if last else np.eye(3)
         coordinate = q[list(places)]
-        R = moved(parent.R.then_constant(turned), motion, coordinate, branch.reversed)
+        R = moved(before, motion, coordinate, branch.reversed)
         slide = (
             constant(snap(turned @ motion.slide)) * coordinate
             if motion and motion.slides
@@ -111,13 +113,9 @@ def branch_nodes(
             joint=branch.joint,
             body=branch.body if last else None,
             motion=motion,
-            columns=columns(
-                parent.R.then_constant(turned), R, motion, rates, branch.reversed, after
-            )
-            if motion
-            else (),
+            columns=columns(before, R, motion, rates, branch.reversed, after) if motion else (),
             column_axes=column_axes,
-            R=R.then_constant(after),
+            R=turned_back(R, outer) if last else R.then_constant(after),
             before=parent.axes,
             O=parent.O + in_ground(parent.axes, r),
             r=r,
@@ -129,6 +127,7 @@ def branch_nodes(
         )
         yield parent
         arm, turned = np.zeros(3), np.eye(3)
+        before = parent.R.then_constant(turned)
 
 
 def placed(
@@ -156,7 +155,7 @@ def columns(
     motion: ElementaryMotion,
     rates: range,
     backwards: bool,
-    own: np.ndarray,
+    own: Vector,
 ) -> tuple[Column, ...]:
     """Return what each rate of a motion does: a ball's are the angular velocity in the axes of the
     first frame.

@@ -42,7 +42,7 @@ class Moments:
     def __add__(self, other: Moments) -> Moments:
         return Moments(self.m + other.m, self.h + other.h, self.I + other.I)
 
-    def moved(self, R: np.ndarray, r: Vector) -> Moments:
+    def moved(self, R: Vector, r: Vector) -> Moments:
         """Refer to a frame in which this one's axes are R and its origin is at r, both constant."""
         h, inertia = R @ self.h, R @ self.I @ R.T
         cross_terms = 2 * inner(r, h) * np.eye(3) - outer(r, h) - outer(h, r)
@@ -92,7 +92,7 @@ def steiner(c: Vector) -> Vector:
     return inner(c, c) * np.eye(3) - outer(c, c)
 
 
-Link = tuple[Moments, int, Vector | None, np.ndarray | None]
+Link = tuple[Moments, int, Vector | None, Vector | None]
 
 
 def regrouped(links: Sequence[Link]) -> list[Moments]:

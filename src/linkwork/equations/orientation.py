@@ -4,11 +4,11 @@ Every orientation is kept in the form
 
     R_0B = A . Rot(axis, angle) . right
 
-with a constant unit axis and a constant right factor; A turns components in the node's `Axes` into
-the ground's. A further turn about a parallel axis only adds to the angle; in a planar mechanism
-every body then costs one sine and one cosine, and all vectors are written in the ground's axes. A
-turn about any other axis starts new axes, those of the body before it: there its own axis is
-constant, and what hangs on it again moves as in a plane.
+with a constant unit axis and a constant right factor, which may hold free numbers; A turns
+components in the node's `Axes` into the ground's. A further turn about a parallel axis only adds to
+the angle; in a planar mechanism every body then costs one sine and one cosine, and all vectors are
+written in the ground's axes. A turn about any other axis starts new axes, those of the body before
+it: there its own axis is constant, and what hangs on it again moves as in a plane.
 """
 
 from __future__ import annotations
@@ -62,12 +62,12 @@ def convert(x: ca.SX, source: Axes, target: Axes) -> ca.SX:
 @dataclass(frozen=True, eq=False)
 class Orientation:
     """Represent R_0B = A Rot(axis, angle) right: axes A, axis and right constant, angle [rad] an
-    expression."""
+    expression; right is one, too, where a direction is free."""
 
     axes: Axes
     axis: np.ndarray
     angle: ca.SX
-    right: np.ndarray
+    right: Vector
     _turned: dict[bytes, ca.SX] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -84,7 +84,7 @@ class Orientation:
         s, c = ca.sin(self.angle), ca.cos(self.angle)
         across, spin = constant(snap(np.eye(3) - along)), constant(skew(self.axis))
         turn = constant(along) + c * across + s * spin
-        plain = np.array_equal(self.right, np.eye(3))
+        plain = isinstance(self.right, np.ndarray) and np.array_equal(self.right, np.eye(3))
         return ca.densify(turn if plain else ca.mtimes(turn, constant(self.right)))
 
     @cached_property
@@ -104,9 +104,11 @@ class Orientation:
             self._turned[key] = found
         return self._turned[key]
 
-    def then_constant(self, rotation: np.ndarray) -> Orientation:
+    def then_constant(self, rotation: Vector) -> Orientation:
         """Return R_0B rotation; a constant rotation about the axis goes into the angle."""
         right = snap(self.right @ rotation)
+        if isinstance(right, SX):
+            return Orientation(self.axes, self.axis, self.angle, right)
         if self.axis.any() and np.linalg.norm(right @ self.axis - self.axis) < PARALLEL:
             offset = angle_about(self.axis, right)
             return Orientation(self.axes, self.axis, self.angle + offset, np.eye(3))
@@ -115,12 +117,20 @@ class Orientation:
     def then_turn(self, axis: np.ndarray, angle: ca.SX) -> Orientation:
         """Return R_0B Rot(axis, angle)."""
         turned = snap(self.right @ axis)
+        if isinstance(turned, SX):
+            return Orientation(Axes(self.axes, self.near), snap(axis), angle, np.eye(3))
         if not self.axis.any():
             return Orientation(self.axes, turned, angle, self.right).then_constant(np.eye(3))
         for sign in (1, -1):
             if np.linalg.norm(turned - sign * self.axis) < PARALLEL:
                 return Orientation(self.axes, self.axis, self.angle + sign * angle, self.right)
         return Orientation(Axes(self.axes, self.near), snap(axis), angle, np.eye(3))
+
+    def keeps(self, axis: np.ndarray) -> bool:
+        """Tell whether a turn about an axis of this frame only adds to the angle."""
+        turned = self.right @ axis
+        along = np.cross(turned, self.axis) if isinstance(turned, np.ndarray) else np.ones(3)
+        return bool(np.linalg.norm(along) < PARALLEL)
 
     def then_matrix(self, rotation: ca.SX) -> Orientation:
         """Return R_0B rotation for a rotation given as an expression: the start of new axes, those
@@ -141,6 +151,8 @@ class Orientation:
 
         With equal axes and right factors, R_other' R = right' Rot(axis, angle - angle_other) right.
         """
+        if isinstance(self.right, SX) or isinstance(other.right, SX):
+            return None
         same = np.allclose(self.axis, other.axis, atol=PARALLEL) and np.allclose(
             self.right, other.right, atol=PARALLEL
         )

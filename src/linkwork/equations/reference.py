@@ -247,7 +247,7 @@ def across(joint: PairJoint, q: np.ndarray, pose: Pose, backwards: bool) -> Pose
     if backwards:
         inner, outer, p_12, R_12 = outer, inner, -R_12.T @ p_12, R_12.T
     p, R = pose
-    R_inner, R_outer = rotation_matrix(inner.rotation), rotation_matrix(outer.rotation)
+    R_inner, R_outer = rotation_matrix(inner.orientation), rotation_matrix(outer.orientation)
     R_body = R @ R_inner @ R_12 @ R_outer.T
     origin = p + R @ (np.array(inner.position) + R_inner @ p_12)
     return origin - R_body @ np.array(outer.position), R_body

@@ -18,8 +18,9 @@ from collections.abc import Iterator
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, Number, Vector, dot, rotation_matrix, vector
+from linkwork.equations.algebra import SX, Number, Vector, dot, vector
 from linkwork.equations.boxes import on_box
+from linkwork.equations.frames import frame_matrix
 from linkwork.equations.meeting import PARALLEL, TINY, Meeting, share
 from linkwork.equations.tree import Node, Tree, offset
 from linkwork.mechanism.contact import Contact, HeightField, Plane, Points, Surface
@@ -62,15 +63,15 @@ def boxed(
 def balls(tree: Tree, node: Node, surface: Surface) -> list[tuple[ca.SX, Number]]:
     """Return the middles of a surface's balls in the ground's axes, and their radius."""
     assert not isinstance(surface, Plane | HeightField)
-    R, touching = rotation_matrix(surface.frame.rotation), surface.touching
+    R, touching = frame_matrix(surface.frame), surface.touching
     position = vector(surface.frame.position)
     local = [position + product(R, vector(point)) for point in touching.points]
     return [(SX(tree.point(node, point)), touching.radius) for point in local]
 
 
-def product(R: np.ndarray, local: Vector) -> Vector:
+def product(R: Vector, local: Vector) -> Vector:
     """Return R times a constant vector."""
-    return ca.mtimes(SX(R), local) if isinstance(local, SX) else R @ local
+    return ca.mtimes(SX(R), SX(local)) if isinstance(local, SX) or isinstance(R, SX) else R @ local
 
 
 def on_flat(
@@ -79,7 +80,7 @@ def on_flat(
     """Return where a ball meets a flat surface of a node's body."""
     # The centre in the surface's frame.
     frame = surface.frame
-    R = ca.mtimes(node.R.matrix, SX(rotation_matrix(frame.rotation)))
+    R = ca.mtimes(node.R.matrix, SX(frame_matrix(frame)))
     origin = node.O + offset(node, vector(frame.position))
     local = ca.mtimes(R.T, centre - origin)
     if isinstance(surface, Plane):

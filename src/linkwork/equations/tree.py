@@ -90,7 +90,7 @@ class Node:
     r: ca.SX
     near_r: ca.SX
     arm: Vector | None
-    weld: np.ndarray | None
+    weld: Vector | None
     frame_origin: Vector
     moments: Moments
 

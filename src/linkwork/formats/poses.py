@@ -28,7 +28,7 @@ def pose(position=(0.0, 0.0, 0.0), rotation: np.ndarray | None = None) -> np.nda
 
 def of_frame(frame: Frame) -> np.ndarray:
     """Return the pose of a frame."""
-    return pose(frame.position, Rotation.from_rotvec(frame.rotation).as_matrix())
+    return pose(frame.position, Rotation.from_rotvec(frame.orientation).as_matrix())
 
 
 def frame_of(X: np.ndarray) -> Frame:

@@ -203,7 +203,7 @@ def tool_poses(robot: Robot, poses: np.ndarray) -> np.ndarray:
     tool = robot.mechanism.first_tool
     X = poses[:, robot.bodies.index(tool.body)]
     p = X[:, :3, :3] @ np.array(tool.frame.position) + X[:, :3, 3]
-    R = X[:, :3, :3] @ rotation_matrix(tool.frame.rotation)
+    R = X[:, :3, :3] @ rotation_matrix(tool.frame.orientation)
     if robot.planar:
         return np.column_stack([p[:, :2], np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0]))])
     return np.hstack([p, Rotation.from_matrix(R).as_rotvec()])

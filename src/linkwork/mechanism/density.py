@@ -37,7 +37,7 @@ def mass_fields(shapes: Iterable[Shape]) -> dict[str, Any] | None:
             except LinkworkError as error:
                 raise MechanismError(str(error), ("shapes", str(number))) from None
             X = np.eye(4)
-            X[:3, :3] = Rotation.from_rotvec(shape.frame.rotation).as_matrix()
+            X[:3, :3] = Rotation.from_rotvec(shape.frame.orientation).as_matrix()
             X[:3, 3] = shape.frame.position
             solids.append(solid.seen(X))
     return together(solids).fields() if solids else None

@@ -1,8 +1,10 @@
 """Frames fixed in a body: a position and an orientation.
 
 The orientation is a rotation vector (unit axis times angle, rad): three numbers, no normalisation
-to keep, and a planar frame is simply (0, 0, angle). R = exp([rotation x]) turns components in this
-frame into components in the body's frame.
+to keep, and a planar frame is simply (0, 0, angle). R = exp([rotation x]) exp([turn x]) turns
+components in this frame into components in the body's frame. `turn` is a further turn, in the
+frame's own axes, for what machining, mounting or calibration leaves: about a joint's axis it is the
+offset of the joint's zero, across it the two tilts of the axis.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from linkwork.mechanism.record import MechanismError, Record, Vector3, followed
 
 
 class Frame(Record):
-    """Place a frame F in the frame B of a body: p_BF and R_BF = exp([rotation x])."""
+    """Place a frame F in the frame B of a body: p_BF and R_BF = exp([rotation x]) exp([turn x])."""
 
     position: Vector3 = Field(
         default=(0.0, 0.0, 0.0), description="p_BF, origin of the frame in the body's frame [m]"
@@ -24,6 +26,25 @@ class Frame(Record):
     rotation: Vector3 = Field(
         default=(0.0, 0.0, 0.0), description="rotation vector of R_BF, axis times angle [rad]"
     )
+    turn: Vector3 = Field(
+        default=(0.0, 0.0, 0.0),
+        description="rotation vector of a further turn, in the frame's own axes [rad]",
+    )
+
+    @property
+    def orientation(self) -> Vector3:
+        """Return the rotation vector of R_BF with the further turn in it [rad]."""
+        if not any(self.turn):
+            return self.rotation
+        w1, x1, y1, z1 = quaternion_of(self.rotation)
+        w2, x2, y2, z2 = quaternion_of(self.turn)
+        together = (
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+        )
+        return Frame.from_quaternion(self.position, together).rotation
 
     @classmethod
     def planar(cls, x: float = 0.0, y: float = 0.0, angle: float = 0.0) -> Frame:
@@ -63,6 +84,14 @@ class Frame(Record):
         y = cr * sp * cy + sr * cp * sy
         z = cr * cp * sy - sr * sp * cy
         return cls.from_quaternion(position, (w, x, y, z))
+
+
+def quaternion_of(vector: Vector3) -> tuple[float, float, float, float]:
+    """Return the unit quaternion (w, x, y, z) of a rotation vector [rad]."""
+    angle = hypot(*vector)
+    scale = sin(angle / 2) / angle if angle > 0 else 0.5
+    x, y, z = vector
+    return cos(angle / 2), scale * x, scale * y, scale * z
 
 
 def numbers(values: object, count: int, what: str, names: str) -> list[float]:

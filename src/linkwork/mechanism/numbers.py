@@ -7,9 +7,10 @@ z in a vector). Where a body and a joint, say, share a name, the section goes be
 "joints.platform.friction.viscous".
 
 A number that enters the equations of motion may be free, that is, a symbol whose value is chosen
-later. Directions (rotations, axes) may not: what is parallel, and so what vanishes, is decided by
-them; nor may limits, the reference and tasks of tools, which enter no equation, nor the shapes of
-bodies, nor what decides the form of a force.
+later. Frames turn by free numbers (`rotation`, `turn`); axes in them, which are of unit length,
+stay: the two tilts of an axis and the offset of its zero are turns of the joint's frames. Nor may
+limits, the reference and tasks of tools be free, which enter no equation, nor the shapes of bodies,
+nor what decides the form of a force.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from linkwork.mechanism.refusal import MechanismError, shown, suggestion
 SECTIONS = ("bodies", "joints", "springs", "contacts", "lifts", "drags", "transmissions", "tools")
 SHORT = {"com": "centre_of_mass"}
 COMPONENTS = {"x": "0", "y": "1", "z": "2"}
-DIRECTIONS = ("rotation", "axis", "axes")
+DIRECTIONS = ("axis", "axes")
 OUTSIDE = ("limits", "reference", "shapes", "task", "drives")
 FORMS = ("exponent", "restitution")
 
@@ -61,8 +62,8 @@ def free_numbers(mechanism: Mechanism, paths: Iterable[str]) -> dict[str, float]
             )
         if not fields.isdisjoint(DIRECTIONS):
             raise MechanismError(
-                f"{shown(path)} is part of a direction and cannot be free; free positions, "
-                "masses, inertias, friction, springs, lengths or gravity"
+                f"{shown(path)} is part of a direction and cannot be free; free turns of the "
+                "frames that it stands in, such as frames.0.turn.x"
             )
         if not fields.isdisjoint(FORMS):
             raise MechanismError(

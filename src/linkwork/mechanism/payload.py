@@ -43,7 +43,7 @@ def together(body: Body, payload: Body, frame: Frame) -> Body:
 
 def rotation(frame: Frame) -> np.ndarray:
     """Return R = exp([r x]) of a frame (Rodrigues)."""
-    r = np.array(frame.rotation)
+    r = np.array(frame.orientation)
     angle = float(np.linalg.norm(r))
     x, y, z = r / angle if angle else r
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0.0]])

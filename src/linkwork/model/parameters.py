@@ -14,6 +14,7 @@ import numpy as np
 
 from linkwork.equations.homing import closed_reference, home
 from linkwork.equations.reference import CLOSED, guess, starts
+from linkwork.equations.reflections import reflect
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.numbers import edited
@@ -53,6 +54,7 @@ def with_parameters(robot: Known, values: Mapping[str, float]) -> Known:
     other.charts[other.independent] = other.chart
     # Where a length changes the loops close elsewhere.
     closed = reference(other, mechanism)
+    refuse_held(other, closed)
     if closed is not robot.equations.reference:
         other.equations = robot.equations.about(closed)
         other.coordinates = (
@@ -80,3 +82,19 @@ def reference(robot: Model, mechanism: Mechanism) -> np.ndarray:
     return home(
         equations.joints, equations.rows, start, starts(mechanism, topology, tree, start), robot.p
     )
+
+
+def refuse_held(robot: Model, q: np.ndarray) -> None:
+    """Refuse values with which redundant rows of the description hold motions of their own."""
+    equations = robot.equations
+    if not equations.redundant:
+        return
+    Phi = robot.chart.kernel("constraints")(q)[1]
+    if len(reflect(equations.natural(Phi)).rows) > len(equations.chart.rows):
+        shown = ", ".join(f"{path} = {value:g}" for path, value in robot.parameters.items())
+        raise LinkworkError(
+            f"with {shown} the loops hold more than with the numbers of the description, where "
+            f"{', '.join(equations.redundant)} follow from the other rows, and the mechanism is "
+            "locked or loses motions; choose values that keep its geometry, such as turns of all "
+            "parallel axes alike"
+        )

@@ -43,8 +43,8 @@ class QuaternionPose(NamedTuple):
     @classmethod
     def of(cls, frame: Frame) -> QuaternionPose:
         """Return the pose of a body whose frame is placed in the ground."""
-        angle = hypot(*frame.rotation)
-        axis = np.array(frame.rotation) / angle if angle > 0 else np.zeros(3)
+        angle = hypot(*frame.orientation)
+        axis = np.array(frame.orientation) / angle if angle > 0 else np.zeros(3)
         return cls(np.array(frame.position), turn(axis, angle))
 
     def point(self, local: ArrayLike) -> np.ndarray:

@@ -231,7 +231,7 @@ def body_solids(shapes: Iterable[Shape], pose: Placed) -> tuple[PlacedMesh, ...]
 
 
 def frame_pose(pose: Placed, frame: Frame) -> Placed:
-    return placed(pose, frame.position), pose[1] @ rotation_matrix(frame.rotation)
+    return placed(pose, frame.position), pose[1] @ rotation_matrix(frame.orientation)
 
 
 def joint_places(

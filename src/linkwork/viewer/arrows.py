@@ -127,7 +127,7 @@ def actuator(label: str, name: str, joint: PairJoint) -> Actuator:
     motion, turned, k = rates[joint.rates(name).index(label)]
     own = np.eye(3)[k] if motion.ball else motion.turn if motion.turns else motion.slide
     inner, outer = joint.frames
-    axis = rotation_matrix((inner, outer)[turned].rotation) @ own
+    axis = rotation_matrix((inner, outer)[turned].orientation) @ own
     return Actuator(
         joint.connects[turned], axis, joint.connects[1], np.array(outer.position), motion.turns
     )

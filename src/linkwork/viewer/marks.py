@@ -67,7 +67,7 @@ def marks_of(robot: Robot) -> dict[str, BodyMarks]:
     origins = [(name, name, (0.0, 0.0, 0.0), np.eye(3)) for name in (GROUND, *mechanism.bodies)]
     ends = [
         [
-            (name, joint.connects[k], frame.position, rotation_matrix(frame.rotation))
+            (name, joint.connects[k], frame.position, rotation_matrix(frame.orientation))
             for k, frame in enumerate(joint.frames)
         ]
         for name, joint in mechanism.pairs.items()

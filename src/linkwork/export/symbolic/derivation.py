@@ -22,6 +22,7 @@ from linkwork.export.symbolic.lettering import Letters, dimension_symbols
 from linkwork.export.symbolic.loops import LoopRow, loop_rows, own_coordinates
 from linkwork.export.symbolic.trig import ONE, ZERO, Trig
 from linkwork.export.symbolic.written import Writer
+from linkwork.mechanism.numbers import located
 from linkwork.robot import Robot
 
 SymbolsOf = Literal["free", "all"]
@@ -43,6 +44,7 @@ class Derivation:
     def __post_init__(self) -> None:
         robot = self.robot
         dynamics.refuse_others(robot.equations)
+        refuse_turns(robot)
         self.dimensions = Dimensions(robot.mechanism, robot.parameters, self.every)
         topology, flat = robot.equations.topology, robot.planar
         self.chain = Chain(robot.mechanism, topology, self.dimensions, flat)
@@ -305,3 +307,13 @@ def derived(robot: Robot, symbols: SymbolsOf = "free") -> ClosedForms:
                 f"{error:.3g} at home, so it is not printed; use robot's own methods, or export C"
             )
     return forms
+
+
+def refuse_turns(robot: Robot) -> None:
+    """Refuse free rotations, which would make every direction a polynomial of its own."""
+    for path in robot.parameters:
+        if any(part in ("rotation", "turn") for part in located(robot.mechanism, path)[0][2:]):
+            raise LinkworkError(
+                f"{path!r} turns a frame, and equations are printed of frames that stay as they "
+                "are; free positions, masses, inertias or gravity, or use robot.functions()"
+            )

@@ -134,7 +134,7 @@ class Dimensions:
         """Return R_BF of a joint's frame; the body's own axes at its mass centre."""
         if place.joint is None:
             return np.eye(3)
-        return rotation_matrix(self.mechanism.pairs[place.joint].frames[place.side].rotation)
+        return rotation_matrix(self.mechanism.pairs[place.joint].frames[place.side].orientation)
 
     def between(
         self, body: str, start: BodyPoint | None, end: BodyPoint, turned: np.ndarray, flat: bool

@@ -179,7 +179,7 @@ def rods_of(mechanism: Mechanism) -> dict[str, RodJoint]:
 def pose_of(frame: Frame) -> np.ndarray:
     """Return the 4 x 4 pose of a frame."""
     pose = np.eye(4)
-    pose[:3, :3] = Rotation.from_rotvec(frame.rotation).as_matrix()
+    pose[:3, :3] = Rotation.from_rotvec(frame.orientation).as_matrix()
     pose[:3, 3] = frame.position
     return pose
 

@@ -65,7 +65,7 @@ def shift(vector: np.ndarray) -> np.ndarray:
 
 def frame_transform(frame: Frame) -> np.ndarray:
     """Return X_BF of a frame F fixed in a body B."""
-    return shift(np.array(frame.position)) @ turn(np.array(frame.rotation))
+    return shift(np.array(frame.position)) @ turn(np.array(frame.orientation))
 
 
 def point(X: np.ndarray, r: np.ndarray | tuple[float, float, float]) -> np.ndarray:
