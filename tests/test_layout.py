@@ -31,6 +31,7 @@ STAGES = (
     "model",
     "runs",
     "stepping",
+    "gradients",
     "robot",
     "export",
     "analysis motions scene",

@@ -21,7 +21,7 @@ HIDDEN = 1e-13  # part of a product that rounding hides
 
 
 def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:
-    """Solve A x = b for a symmetric positive A.
+    """Solve A x = b for a symmetric positive A, and right sides b (n x any number).
 
     Up to three unknowns by cofactors, A^-1 = adj A / det A: one division, and short chains of
     operations. More by A = U' D U without square roots, U unit upper triangular in the order of
@@ -33,10 +33,10 @@ def solve_symmetric(A: ca.SX, b: ca.SX) -> ca.SX:
         adjugate = ca.densify(ca.adj(A))
         det = ca.mtimes(A[0, :], adjugate[:, 0])
         x = ca.mtimes(adjugate, b) / det
-        x[0] += unless(det > HIDDEN * product(ca.diag(A))) if n > 1 else 0
+        x[0, :] += unless(det > HIDDEN * product(ca.diag(A))) if n > 1 else 0
         return x
     order = leaves_first(coupled(A))
-    solved, inverses = eliminated(A[order, order], [b[i] for i in order])
+    solved, inverses = eliminated(A[order, order], [b[i, :] for i in order])
     lost = sum(((A[i, i] * D) ** 2 for i, D in list(zip(order, inverses, strict=True))[1:]), SX(0))
     x = [SX(0)] * n
     for i, value in zip(order, solved, strict=True):

@@ -1,0 +1,153 @@
+"""The derivatives by name, compiled in a chart when they are first asked for.
+
+what: forward_dynamics   v' (n) for u                         given: u
+      inverse_dynamics   M v' + C v + G - f (n)               given: v'
+      mass_matrix        M (n n, column by column)
+      closure            q, w (nq + nv) of the tree
+      joints             coordinates, rates (m + mr) of all joints
+      tool               pose (13), twist (6); derived: twist [omega; v] of the pose (6), twist (6)
+
+Friction of bearings that depends on what they carry, which Newton's method finds, is differentiated
+as it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import casadi as ca
+
+from linkwork.equations import Equations, bearings, body_motion, functions
+from linkwork.equations.algebra import SX
+from linkwork.equations.functions import forces_needed
+from linkwork.equations.linear import reading, shifted
+from linkwork.gradients import differentiable
+from linkwork.gradients.differentiable import Differentiable, Throughout
+from linkwork.gradients.missing_forces import ForwardDynamics, NeededForces
+from linkwork.gradients.tangent import Shift, Tangent
+from linkwork.kernels import Kernel
+from linkwork.mechanism.bearing import bearings as of_joints
+from linkwork.model.charts import CompiledChart
+from linkwork.model.derivations import kept
+
+Form = Literal["jacobian", "jvp", "vjp"]
+
+
+def forward_dynamics(equations: Equations) -> Differentiable:
+    """Return v' (n) under forces u."""
+    if not of_joints(equations.mechanism.joints):
+        return ForwardDynamics(equations)
+    u = SX.sym("u", len(equations.mechanism.actuators))
+    value = bearings.accelerations(equations, ca.mtimes(equations.actuation.T, u), u)
+    return Throughout(Tangent(equations), value, u)
+
+
+def inverse_dynamics(equations: Equations) -> Differentiable:
+    """Return the forces M v' + C v + G - f (n) on the independent rates; bearings carry what they
+    do without actuators."""
+    if not of_joints(equations.mechanism.joints):
+        return NeededForces(equations)
+    dv, u = SX.sym("dv", equations.mobility), SX.zeros(len(equations.mechanism.actuators))
+    return Throughout(Tangent(equations), forces_needed(equations, dv, u), dv)
+
+
+def mass_matrix(equations: Equations) -> Differentiable:
+    """Return M (n n), column by column."""
+    return Throughout(Tangent(equations), ca.vec(equations.inertia[0]))
+
+
+def closure(equations: Equations) -> Differentiable:
+    """Return the coordinates and rates (nq + nv) of the tree."""
+    tangent = Tangent(equations)
+    return Throughout(tangent, ca.vertcat(equations.tree.q, tangent.w))
+
+
+def joints(equations: Equations) -> Differentiable:
+    """Return the coordinates and rates (m + mr) of all joints."""
+    tangent, own = Tangent(equations), equations.joints
+    rates = ca.mtimes(own.rate_rows(), tangent.w)
+    return Throughout(tangent, ca.vertcat(own.positions(), rates))
+
+
+def tool(equations: Equations) -> Differentiable:
+    """Return the first tool's pose (13) and twist (6); derivatives of the pose are twists."""
+    tangent, own = Tangent(equations), equations.mechanism.first_tool
+    pose = body_motion.tool_pose(equations.tree, own)
+    J, _ = body_motion.tool_twist(equations.tree, own, SX.zeros(equations.nv))
+    value = ca.vertcat(*pose, ca.mtimes(J, tangent.w))
+    R = ca.reshape(pose.orientation, 3, 3).T
+    turning = [vee(ca.reshape(unit, 3, 3).T, R) for unit in ca.horzsplit(SX.eye(9))]
+    left = ca.diagcat(
+        ca.vertcat(
+            ca.horzcat(SX(3, 3), ca.horzcat(*turning), SX(3, 1)), ca.horzcat(SX.eye(3), SX(3, 10))
+        ),
+        SX.eye(6),
+    )
+    return Throughout(tangent, value, left=left)
+
+
+def vee(dR: ca.SX, R: ca.SX) -> ca.SX:
+    """Return omega (3) of a change dR = [omega x] R of a rotation matrix."""
+    turn = ca.mtimes(dR, R.T)
+    return ca.vertcat(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]) / 2
+
+
+def drift(equations: Equations) -> ca.Function:
+    """Return (q, v) -> Gamma (n x n), Gamma_p (n x np) and the weakest relative pivot.
+
+    A small deviation dq along the independent rates moves by  dq' = Gamma dq + Gamma_p dp + dv,
+    where Gamma is zero but for the angular velocities of free turns (`equations.linear`).
+    """
+    tangent, tree = Tangent(equations), equations.tree
+    n, count = equations.mobility, equations.p.numel()
+    read, still, own = reading(equations), SX(n, n), SX.eye(count)
+    moving = tree.derivatives(tangent.w)
+    along = Shift(SX.eye(n), still, SX(count, n)), Shift(SX(n, count), SX(n, count), own)
+    steps = [tangent.steps(step)[0][: equations.nq, :] for step in along]
+    by = [
+        tangent.forward(moving, step) - shifted(shift, tree.q, moving)
+        for step, shift in zip(along, steps, strict=True)
+    ]
+    found = tangent.at_rates([ca.mtimes(read, part) for part in by])
+    outputs = {"Gamma": found[0], "Gamma_p": found[1], "pivot": equations.elimination.pivot}
+    return functions.function("drift", equations, outputs, v=equations.v)
+
+
+DIFFERENTIABLE: dict[str, Callable[[Equations], Differentiable]] = {
+    "forward_dynamics": forward_dynamics,
+    "inverse_dynamics": inverse_dynamics,
+    "mass_matrix": mass_matrix,
+    "closure": closure,
+    "joints": joints,
+    "tool": tool,
+}
+
+
+def expressed(equations: Equations, what: str, form: Form) -> ca.Function:
+    """Return a derivative as a CasADi function, by what is differentiated and the form."""
+    make = getattr(differentiable, form)
+    return make(f"{what}_{form}", DIFFERENTIABLE[what](equations))
+
+
+def compiled(chart: CompiledChart, what: str, form: Form) -> Kernel:
+    """Return the kernel of a derivative in a chart; its last input is p, the chart's if left
+    out."""
+    return stored(chart, f"{what}_{form}", lambda equations: expressed(equations, what, form))
+
+
+def compiled_drift(chart: CompiledChart) -> Kernel:
+    """Return the kernel of `drift` in a chart, as `compiled` does."""
+    return stored(chart, "drift", drift)
+
+
+def stored(chart: CompiledChart, name: str, make: Callable[[Equations], ca.Function]) -> Kernel:
+    """Return the kernel of a function of a chart's equations, which is made once on a machine."""
+
+    def found(equations: Equations) -> ca.Function:
+        key = equations.key
+        if not key:
+            return make(equations)
+        return kept(lambda: make(equations), f"gradients of {name}", key, repr(chart.key))
+
+    return chart.compiled(f"gradients: {name}", found).given(chart.p)

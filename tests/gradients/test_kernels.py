@@ -1,0 +1,97 @@
+"""Derivatives of the equations beside complex steps, in every form."""
+
+from __future__ import annotations
+
+from functools import cache, partial
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.equations import Equations, derive, functions
+from linkwork.equations.algebra import dense
+from linkwork.gradients.compilation import expressed
+
+from tests.gradients.complex_step import ComplexSteps, in_complex_numbers
+from tests.oracle.random_joints import random_loops, random_tree
+from tests.robot.test_parameters import can_be_free
+
+MANY = 6  # numbers that are free
+CASES = {name: getattr(lw.robots, name) for name in lw.robots.__all__ if name != "n_four_bar"} | {
+    "tree": partial(random_tree, 1, 7, effects=True, gears=1, actuation=-2),
+    "long chain": partial(random_tree, 4, 11, kinds=("revolute", "spherical")),
+    "loops with everything": partial(
+        random_loops, 5, 2, effects=True, rods=1, gears=1, freedoms=2, actuation=1
+    ),
+    "loop of a screw": partial(
+        random_loops, 7, 1, kinds=("screw", "universal", "revolute", "spherical"), effects=True
+    ),
+    "loop closed by a free joint": partial(random_loops, 8, 1, effects=True, platform="free"),
+    "planar loops": partial(random_loops, 5, 2, planar=True, effects=True, rods=1, gears=1),
+}
+FEW = "four_bar", "prr3", "loop closed by a free joint"
+
+
+@cache
+def made(name: str) -> tuple[Equations, tuple[np.ndarray, ...]]:
+    """Return the equations of a case with some free numbers, and a closed state: q, v, p."""
+    mechanism, rng = CASES[name](), np.random.default_rng(sum(map(ord, name)))
+    able = can_be_free(mechanism, lw.Robot(mechanism).planar)
+    paths = [str(path) for path in rng.permutation(able)[:MANY]]
+    equations = derive(mechanism, free=paths)
+    n, p = equations.mobility, np.array(list(equations.parameters.values()))
+    units = equations.tree.rate_units[list(equations.chart.independent)]
+    away = 3e-3 * (units * rng.standard_normal(n))[:, None]
+    q = ComplexSteps(equations).moved(equations.reference[:, None], away, p[:, None])
+    assert numbers(functions.closure_step(equations), q.real, p)[1].item() < 1e-14
+    return equations, (q.real.ravel(), rng.standard_normal(n), p)
+
+
+def numbers(function: ca.Function, *given: np.ndarray) -> list[np.ndarray]:
+    """Return the values of a function as arrays."""
+    return [dense(ca.DM(value)) for value in function.call([ca.DM(part) for part in given])]
+
+
+def near(found: np.ndarray, expected: np.ndarray, within: float = 1e-9) -> bool:
+    size = np.abs(expected).max(initial=0.0)
+    return bool(np.abs(found - expected).max(initial=0.0) <= within * max(size, 1e-12))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_dynamics_beside_complex_steps(name):
+    equations, (q, v, p) = made(name)
+    rng, n = np.random.default_rng(2), equations.mobility
+    motion = in_complex_numbers(functions.motion(equations))
+    inverse = in_complex_numbers(functions.inverse_dynamics(equations))
+    places = slice(equations.nq, equations.nq + n)
+    u = rng.standard_normal(len(equations.mechanism.actuators))
+    cases = {
+        "forward_dynamics": (u, lambda *x: motion(*x)[places]),
+        "inverse_dynamics": (rng.standard_normal(n), lambda *x: inverse(*x)[:n]),
+    }
+    for what, (given, value) in cases.items():
+        _, *by, _ = numbers(expressed(equations, what, "jacobian"), q, v, given, p)
+        expected = ComplexSteps(equations).derivatives(value, q, v, given, p)
+        for ours, theirs in zip(by, filter(np.size, expected), strict=True):
+            assert near(ours, theirs), what
+
+
+@pytest.mark.parametrize("name", FEW)
+@pytest.mark.parametrize("what", ["forward_dynamics", "inverse_dynamics", "mass_matrix", "joints"])
+def test_steps_and_gradients_are_those_of_the_jacobian(name, what):
+    equations, (q, v, p) = made(name)
+    rng = np.random.default_rng(3)
+    jacobian = expressed(equations, what, "jacobian")
+    given = [rng.standard_normal(jacobian.numel_in(k)) for k in range(2, jacobian.n_in() - 1)]
+    value, *by, pivot = numbers(jacobian, q, v, *given, p)
+    steps = [rng.standard_normal(part.shape[1]) for part in by]
+    moved = numbers(expressed(equations, what, "jvp"), q, v, *given, *steps, p)
+    weights = rng.standard_normal(by[0].shape[0])
+    gradient = numbers(expressed(equations, what, "vjp"), q, v, *given, weights, p)
+    for found in (moved, gradient):
+        assert np.array_equal(found[0], value) and np.array_equal(found[-1], pivot)
+    along = sum(part @ step for part, step in zip(by, steps, strict=True))
+    assert near(moved[1].ravel(), along, 1e-10)
+    for ours, part in zip(gradient[1:-1], by, strict=True):
+        assert near(ours.ravel(), part.T @ weights, 1e-10)
