@@ -148,6 +148,25 @@ def test_the_workspace_is_what_all_legs_reach(name):
     np.testing.assert_array_equal(np.ravel(mapped["reachable"]), inside)
 
 
+@pytest.mark.parametrize("rod_mass", [0.0, 0.1])
+def test_the_par4_s_workspace_keeps_to_one_branch_of_legs_and_plate(rod_mass):
+    """Its plate comes back to the sign of its determinant where it and a leg have folded: none such
+    is reached. With rods of mass all legs are one stage."""
+    robot, ends = lw.Robot(lw.robots.par4(rod_mass=rod_mass)), LED["par4"][0]
+    sides = np.linspace(-0.9, 0.8, 9), np.linspace(-0.8, 0.9, 9)
+    heights, turns = np.linspace(-1.1, 0.3, 9), np.linspace(-3.0, 3.0, 7)
+    axes = {"x": sides[0], "y": sides[1], "z": heights, "rz": turns}
+    mapped = workspace(robot, axes)
+    grid = np.meshgrid(*axes.values(), indexing="ij")
+    poses = np.stack([part.ravel() for part in grid], axis=1)
+    closed = np.array([-arms("par4", ends(*pose)) for pose in poses])
+    regular = np.abs(grid[3].ravel()) < np.pi / 2
+    within, reached = np.isfinite(closed).all(axis=1) & regular, np.ravel(mapped["reachable"])
+    assert not (reached & ~within).any() and reached.sum() > 0.7 * within.sum()
+    found = mapped["actuator_position"].values.reshape(closed.shape)
+    np.testing.assert_allclose(np.exp(1j * found[reached]), np.exp(1j * closed[reached]), atol=1e-9)
+
+
 @both
 def test_each_leg_bends_in_two_ways(name):
     """Both have an elbow outside and inside for each motor while the platform is as at home; the

@@ -5,8 +5,9 @@ All poses are solved at a time by Newton's method (`newton`), first from one con
 working mode, then, wave by wave, from neighbours that are solved. A solution counts where it is on
 the working mode: where the determinants of the inverse problem's stages have the signs that they
 have at the guess (`square`). So the boundary is drawn by the determinants, not by where Newton's
-method happens to end. Legs that are coupled make one stage: of two modes whose determinants have
-equal signs (an arm's elbow and shoulder both turned over) the nearer one is taken.
+method happens to end. Legs that are coupled make one stage, whose sign does not tell all branches
+(an arm's elbow and shoulder both turned over): there the poses count that straight ways from the
+guess and from neighbour to neighbour lead to (`grid_branches`).
 
     conditioning        1 / cond K, between lengths over time (`jacobians`): 0 singular, 1 isotropic
     isotropic velocity  min_i rate_i / |row i of K|      what the tool reaches in every direction,
@@ -31,7 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.analysis._jacobians import Jacobians, jacobians
-from linkwork.analysis.grid_branches import PARTS, GridBranch, actuated, coupled
+from linkwork.analysis.grid_branches import FINEST, GridBranch, actuated, tells_all
 from linkwork.analysis.newton import CHUNK, Solver, in_threads, solver
 from linkwork.analysis.singular_values import singular_values
 from linkwork.equations.algebra import wrapped
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 
 FAR, NEAR = 12, 10  # Newton steps from the guess, and from a neighbour
 SINGULAR = 1e-9
+COARSE = 0.2  # part of the way to a neighbour, of steps that are tried before any shorter ones
 Step = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Solve poses (N, n) from configurations (N, nq) at others (N, n): configurations, and whether they
 are solved."""
@@ -170,15 +172,15 @@ def reach(
             "the guess is leg-singular, where working modes meet; give a guess on one of them"
         )
     mode = np.sign(determinants)
-    q, good = problem.solve(start, poses.values, FAR, mode)
-    if not coupled(J):
+    if tells_all(J):
+        q, good = problem.solve(start, poses.values, FAR, mode)
         spread(poses, q, good, lambda q, _, end: problem.solve(q, end, NEAR, mode))
         return q, good
     # Signs do not tell all branches: what hangs together with the start is what is reached.
     branch = GridBranch(J, problem, mode)
-    good = branch.own(poses.shape, q, good, poses.values, start)
-    for parts in (1, PARTS):
-        spread(poses, q, good, partial(branch.advanced, parts=parts))
+    q, good = branch.begun(start, poses.values)
+    for finest in (COARSE, FINEST):
+        spread(poses, q, good, partial(branch.walked, finest=finest))
     return q, good
 
 

@@ -1,14 +1,17 @@
-"""Branches of a grid of poses: which solutions of neighbours lie on one working mode.
+"""Branches of a grid of poses: which solutions of neighbours lie on one branch.
 
-Where actuated joints share a stage of the inverse problem its determinant's sign is that of a
-product: two legs turned over leave it as it is. There solutions count that are reached from the
-guess from neighbour to neighbour without a leap, as
+A stage of the inverse problem that holds one driven leg of two links has as many solutions as its
+determinant has signs. Larger ones have more: two legs turned over leave the sign of a product as it
+is, and a platform that is led in its position may stand turned. There poses are gone to along
+straight ways, in short steps on the arc of solutions,
 
-    |q_2 - q_1 - T| <= |T| + a little,    T = (K_1 + K_2) (x_2 - x_1) / 2
+    |q_2 - q_1 - s (W_1 + W_2) x / 2| <= TIGHT s |W_1 x|,    q' = W x'
 
-holds for each actuator along a branch, whose rates are q' = K x' (trapezoidal rule). Near a
-stretched leg, where q is as a square root, T is larger than the difference; from one branch to
-another their signs differ, or T is small.
+for a part s of the way x (trapezoidal rule, in the mechanism's own units), while no determinant
+changes its sign or vanishes: shorter ones where that does not hold, as beside a stretched leg,
+where q is as a square root. Another branch is farther away than a part of such a step.
+Source: Allgower & Georg, Introduction to Numerical Continuation Methods, SIAM 2003, ch. 6 (steps
+by how the predictor differs).
 """
 
 from __future__ import annotations
@@ -20,18 +23,29 @@ import numpy as np
 
 from linkwork.analysis._jacobians import Jacobians
 from linkwork.analysis.newton import Solver
-from linkwork.equations.algebra import wrapped
+from linkwork.equations import functions
+from linkwork.equations.algebra import SX, wrapped
+from linkwork.equations.reference import unit
+from linkwork.equations.tree import Tree
+from linkwork.kernels import Kernel, compile_function
+from linkwork.model import task
+from linkwork.model.asked import ToolAsked
 
-LITTLE = 0.1  # rad, or own lengths
-PARTS = 8  # of the way between two poses that is gone with care
-STEPS = 10  # of Newton's method from a neighbour
+LEG = 3  # most rates of a stage of one leg, in the plane, too
+TIGHT, FLOOR = 0.25, 1e-7  # part of a step, and own units, by which the rule may be off
+LONGEST = 0.3  # step, in own units
+ROUNDS, FINEST = 60, 1 / 256  # steps of a way, tried ones too, and the part of it that is shortest
+MEET = 0.01  # part of a determinant where a way begins that is none: branches meet
+STEPS = 6  # of Newton's method from where the rates lead
+NEAREST = 16  # poses of a grid to which the straight ways from a guess are tried first
 
 
-def coupled(J: Jacobians) -> bool:
-    """Tell whether a stage of the inverse problem has several actuated joints."""
-    rates = J.robot.equations.tree.rates
-    places = {rates.index(name) for name in J.direct.what if name in rates}
-    return any(len(places & {*stage.columns}) > 1 for stage in J.inverse.chart.stages)
+def tells_all(J: Jacobians) -> bool:
+    """Tell whether the signs of the inverse problem's stages tell its branches apart: each stage is
+    one leg's."""
+    rates, stages = J.robot.equations.tree.rates, J.inverse.chart.stages
+    driven = {rates.index(name) for name in J.direct.what if name in rates}
+    return all(len(s.columns) <= LEG and len(driven & {*s.columns}) <= 1 for s in stages)
 
 
 def actuated(J: Jacobians, q: np.ndarray) -> np.ndarray:
@@ -43,78 +57,108 @@ def actuated(J: Jacobians, q: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
+class Ways:
+    """Hold straight ways of the tool: where they begin (N, n), and the shifts to their ends (N, n),
+    turns the short way round.
+
+    rotation: places of a whole rotation vector, whose shift is the turn between both
+    """
+
+    begin: np.ndarray
+    shift: np.ndarray
+    rotation: list[int] | None
+
+    @classmethod
+    def between(cls, asked: ToolAsked, begin: np.ndarray, end: np.ndarray) -> Ways:
+        shift = end - begin
+        shift[:, asked.wraps] = wrapped(shift[:, asked.wraps])
+        if asked.rotation:
+            from scipy.spatial.transform import Rotation
+
+            first, last = (Rotation.from_rotvec(y[:, asked.rotation]) for y in (begin, end))
+            shift[:, asked.rotation] = (last * first.inv()).as_rotvec()
+        return cls(begin, shift, asked.rotation)
+
+    def at(self, which: np.ndarray, part: np.ndarray) -> np.ndarray:
+        """Return the values (K, n) of some ways (K) after parts of them (K)."""
+        moved = part[:, None] * self.shift[which]
+        y = self.begin[which] + moved
+        if self.rotation:
+            from scipy.spatial.transform import Rotation
+
+            first = Rotation.from_rotvec(self.begin[which][:, self.rotation])
+            turn = Rotation.from_rotvec(moved[:, self.rotation])
+            y[:, self.rotation] = (turn * first).as_rotvec()
+        return y
+
+
+@dataclass(frozen=True, eq=False)
 class GridBranch:
-    """Tell leaps between branches; mode: signs of the determinants."""
+    """Go from pose to pose on one branch; mode: signs of the determinants."""
 
     J: Jacobians
     problem: Solver
     mode: np.ndarray
 
+    @property
+    def asked(self) -> ToolAsked:
+        assert self.J.inverse.asked is not None
+        return self.J.inverse.asked
+
     @cached_property
-    def angular(self) -> np.ndarray:
-        """Which actuated coordinates are angles (n)."""
-        robot = self.J.robot
-        return robot.labels.angular[[robot.coordinates.index(name) for name in self.J.direct.what]]
+    def tree(self) -> Tree:
+        return self.J.robot.equations.tree
 
-    def differences(self, q_1: np.ndarray, q_2: np.ndarray) -> np.ndarray:
-        """Return how far actuated coordinates are apart (N, n), angles the short way round."""
-        apart = actuated(self.J, q_2) - actuated(self.J, q_1)
-        return np.where(self.angular, wrapped(apart), apart)
+    @cached_property
+    def moving(self) -> Kernel:
+        """(q, x') -> q' = W x', and the determinants of the stages."""
+        square, rates = self.J.inverse, SX.sym("rates", len(self.asked.held))
+        outputs = {
+            "q_dot": self.tree.derivatives(square.led(rates)),
+            "determinants": square.determinants,
+        }
+        function = functions.function("branch_rates", square.equations, outputs, rates=rates)
+        return compile_function(function).given(self.J.robot.p)
 
-    def leaps(self, q_1: np.ndarray, q_2: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Tell of neighbours (N, nq) with poses apart by steps (N, n) whether they lie on different
-        branches (N)."""
-        told = ((self.J(q_1)[0] + self.J(q_2)[0]) @ step[..., None])[..., 0] / 2
-        little = LITTLE * np.where(self.angular, 1.0, self.J.robot.equations.tree.length)
-        off = np.abs(self.differences(q_1, q_2) - told)
-        return np.any(~(off <= np.abs(told) + little), axis=1)
+    def begun(self, start: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return configurations (N, nq) at poses (N, n) to which straight ways lead from that of a
+        start (nq), and which these are (N): of the nearest poses, or else of all."""
+        here = task.values(self.J.robot, start, self.J.task)[None]
+        begin, q = np.repeat(here, len(poses), axis=0), np.tile(start, (len(poses), 1))
+        shift = Ways.between(self.asked, begin, poses).shift / self.J.inverse.heights
+        order, good = np.argsort(np.linalg.norm(shift, axis=1)), np.zeros(len(poses), bool)
+        for some in (order[:NEAREST], order[NEAREST:]):
+            if not good.any():
+                q[some], good[some] = self.walked(q[some], begin[some], poses[some])
+        return q, good
 
-    def own(
-        self,
-        shape: tuple[int, ...],
-        q: np.ndarray,
-        good: np.ndarray,
-        poses: np.ndarray,
-        start: np.ndarray,
-    ) -> np.ndarray:
-        """Return which of the solved poses (N) hang together, without leaps, with the one whose
-        actuated coordinates are nearest to those of a start."""
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
-        if not good.any():
-            return good
-        index, pairs = np.arange(good.size).reshape(shape), []
-        for axis in range(len(shape)):
-            one, two = (np.take(index, part, axis).ravel() for part in parts_of(shape[axis]))
-            both = good[one] & good[two]
-            pairs.append(np.stack([one[both], two[both]]))
-        one, two = np.concatenate([*pairs, np.zeros((2, 0), int)], axis=1)
-        if one.size:
-            whole = ~self.leaps(q[one], q[two], poses[two] - poses[one])
-            one, two = one[whole], two[whole]
-        graph = coo_array((np.ones(one.size), (one, two)), (good.size, good.size))
-        _, labels = connected_components(graph, directed=False)
-        solved = np.flatnonzero(good)
-        away = self.differences(np.broadcast_to(start, q[solved].shape), q[solved])
-        nearest = solved[int(np.argmin((away**2).sum(axis=1)))]
-        return good & (labels == labels[nearest])
-
-    def advanced(
-        self, q: np.ndarray, begin: np.ndarray, end: np.ndarray, parts: int
+    def walked(
+        self, q: np.ndarray, begin: np.ndarray, end: np.ndarray, finest: float = FINEST
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return configurations (N, nq) at poses that are gone to from others, in parts of the way,
-        and which of them are reached without a leap (N)."""
-        step, sure = (end - begin) / parts, np.ones(len(q), bool)
-        for k in range(1, parts + 1):
-            following, solved = self.problem.solve(q, begin + k * step, STEPS, self.mode)
-            solved &= sure
-            solved[solved] = ~self.leaps(q[solved], following[solved], step[solved])
-            q, sure = following, solved
-        return q, sure
-
-
-def parts_of(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the places of neighbours along an axis."""
-    places = np.arange(count)
-    return places[:-1], places[1:]
+        """Return configurations (N, nq) to which straight ways (N, n) lead from others on their
+        arcs, and which of them to their ends (N); finest: part of a way that is the shortest step.
+        """
+        ways, q, units = Ways.between(self.asked, begin, end), q.copy(), self.tree.units
+        part, length, going = np.zeros(len(q)), np.ones(len(q)), np.arange(len(q))
+        rates, determinants = self.moving(q, ways.shift)
+        least = MEET * np.abs(determinants)
+        for _ in range(ROUNDS):
+            if not going.size:
+                break
+            # A step as the rates lead, closed by Newton's method at the pose after it.
+            here, rate = q[going], rates[going]
+            swiftest = np.abs(rate / units).max(axis=1) + FLOOR
+            aim = np.minimum(1.0, part[going] + np.minimum(length[going], LONGEST / swiftest))
+            step = (aim - part[going])[:, None]
+            ahead, there = unit(self.tree, here + step * rate), ways.at(going, aim)
+            reached, good = self.problem.solve(ahead, there, STEPS, self.mode)
+            # It is on the arc where the rates at both of its ends tell what it came to.
+            after, determinants = self.moving(reached, ways.shift[going])
+            off = np.abs((reached - here - step / 2 * (rate + after)) / units).max(axis=1)
+            good &= off <= TIGHT * step[:, 0] * swiftest + FLOOR
+            good &= (np.abs(determinants) > least[going]).all(axis=1)
+            on = going[good]
+            q[on], rates[on], part[on] = reached[good], after[good], aim[good]
+            length[going] = step[:, 0] * np.where(good, 4.0, 0.25)
+            going = going[(part[going] < 1) & (length[going] > finest)]
+        return q, part == 1

@@ -97,6 +97,10 @@ class Square:
             self.equations.rows.Phi, SX.zeros(len(self.equations.rows.names), count), SX.eye(count)
         )[0]
 
+    def led(self, rates: ca.SX) -> ca.SX:
+        """Return the rates w (nv) for some of what is asked, y' (rows)."""
+        return self._solve(self.equations.rows.Phi, SX(len(self.equations.rows.names), 1), rates)[0]
+
     @cached_property
     def determinant(self) -> ca.SX:
         """Determinant of [Phi; J] over its value at `base`."""
