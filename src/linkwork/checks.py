@@ -39,6 +39,11 @@ def amount(number: int, what: str) -> str:
     return f"{number:,} {what[:-1]}ies" if what.endswith("dy") else f"{number:,} {what}s"
 
 
+def amount_is(number: int, what: str) -> str:
+    """Return a number of things as the subject of a sentence: "1 joint is", "2 bodies are"."""
+    return f"{amount(number, what)} {'is' if number == 1 else 'are'}"
+
+
 def finite(values: ArrayLike, what: str) -> np.ndarray:
     """Return values as floats; refuse what is not a finite number."""
     if isinstance(values, float | int) and isfinite(values):

@@ -157,7 +157,7 @@ def test_out_of_reach_there_is_no_mode():
     [
         (
             lambda: assembly_modes(built("prr3"), {"slide_1": 0.1}),
-            "slide_1: 1 coordinates are given, but the mobility is 3",
+            "slide_1: 1 coordinate is given, but the mobility is 3",
         ),
         (lambda: assembly_modes(built("prr3"), {"slid_1": 0.1}), "there is no joint 'slid_1'"),
         (lambda: assembly_modes(built("prr3"), [0.1]), "give coordinates by name"),

@@ -205,7 +205,7 @@ def test_one_pose_and_one_axis():
 @pytest.mark.parametrize(
     ("grid", "options", "told"),
     [
-        ({"x": [0, 1]}, {}, "x: 1 coordinates are given, but the mobility is 2"),
+        ({"x": [0, 1]}, {}, "x: 1 coordinate is given, but the mobility is 2"),
         ({"x": [0, 1], "q": 0}, {}, "no coordinate of the tool 'q'"),
         ([0, 1], {}, "by name"),
         ({"x": [0, 0, 1], "y": 0}, {}, "the grid's x is no sequence"),

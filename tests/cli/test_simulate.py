@@ -179,7 +179,7 @@ def test_of_many_joints_the_actuated_ones_are_told(monkeypatch):
         (("--tool", "3,3,0"), "cannot be assembled with the tool at [3.0, 3.0, 0.0]"),
         (("--tool", "3"), "a tool pose of 1 numbers is not understood"),
         (("--rates", "slide_9=1"), "--rates: there is no 'slide_9'"),
-        (("--rates", "pivot_1=1"), "1 rates are given; give 3"),
+        (("--rates", "pivot_1=1"), "1 rate is given; give 3"),
         (
             ("--rates", "1,2"),
             "--rates holds 2 numbers; give 3, one each for slide_1, slide_2, slide_3",

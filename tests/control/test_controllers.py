@@ -227,6 +227,10 @@ def test_lqr_of_a_closed_loop_robot(robot):
         ),
         (lambda: PD({"slide": 0.0}, {"slid": 1.0}, 1.0), "the gain kp lacks 'slide'"),
         (
+            lambda: PD({"slide": 0.0}, 1.0, {"slide": 1.0, "sled": 2.0}),
+            "there is no actuator 'sled' with a gain kd",
+        ),
+        (
             lambda: ComputedTorque({"slide": 0.0}, 1.0, 1.0, pendulum()),
             "the model has the actuators hinge_1, the robot slide",
         ),

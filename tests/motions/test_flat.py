@@ -159,5 +159,8 @@ def test_derivatives_that_do_not_fit_are_refused():
         motions.flat(robot, t, ["shoulder", "elbow"], np.zeros((5, 2)), np.zeros((5, 2)))
     with pytest.raises(lw.LinkworkError, match="the positions have the shape"):
         motions.flat(robot, t, ["shoulder", "elbow"], *[np.zeros((4, 2))] * 5)
+    for times, said in ((t[::-1], "0.75 s after 1 s, at index 1"), (0 * t, "at index 1")):
+        with pytest.raises(lw.LinkworkError, match=said):
+            motions.flat(robot, times, ["shoulder", "elbow"], *[np.zeros((5, 2))] * 5)
     with pytest.raises(lw.LinkworkError, match="no actuator of slide_1"):
         motions.flat(lw.Robot("prr3"), t, ["slide_1"], *[np.zeros((5, 1))] * 5)

@@ -196,8 +196,8 @@ def square(
     if len(what) != freedoms:
         besides = " besides spins of members about themselves" if robot.spins else ""
         raise LinkworkError(
-            f"{', '.join(what) or 'nothing'}: {len(what)} coordinates are given, but the "
-            f"mobility is {freedoms}{besides}; give as many"
+            f"{', '.join(what) or 'nothing'}: {checks.amount_is(len(what), 'coordinate')} given, "
+            f"but the mobility is {freedoms}{besides}; give as many"
         )
     return Square(robot, what, *rows, heights, asked)
 

@@ -115,6 +115,7 @@ def gain(state: Observation, name: str, value: Gain, by: Sequence[str] | None = 
             f"the gain {name} lacks {missing[0]!r}; give one number, or one for each of "
             f"{', '.join(each)}"
         )
+    checks.known(value, each, "actuator" if by is None else "coordinate", f" with a gain {name}")
     return math.array([state.parameter(f"{name}.{one}", value[one]) for one in each])
 
 

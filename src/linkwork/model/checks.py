@@ -9,6 +9,7 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.checks import amount_is as amount_is
 from linkwork.checks import at as at
 from linkwork.checks import finite, shown
 from linkwork.checks import known as known

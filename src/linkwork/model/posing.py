@@ -312,7 +312,8 @@ def independent_rates(robot: Model, rates: Rates, q: np.ndarray) -> np.ndarray:
     if len(rates) != robot.mobility:
         example = ", ".join(robot.independent)
         raise LinkworkError(
-            f"{len(rates)} rates are given; give {robot.mobility}, for instance {example}"
+            f"{checks.amount_is(len(rates), 'rate')} given; give {robot.mobility}, for "
+            f"instance {example}"
         )
     L = robot.kernel("maps")(q)[0].reshape(*q.shape[:-1], robot.mobility, -1)
     A = np.swapaxes(L[..., [robot.rates.index(name) for name in rates]], -1, -2)

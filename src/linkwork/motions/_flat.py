@@ -79,6 +79,7 @@ def flat(
     """
     drives = spring_drives(robot)
     t = checks.finite(time, "the times")
+    require_increasing(t)
     given = arrays(derivatives, t.size, len(joints))
     links = Robot(driven_links(robot.mechanism, drives))
     require_flat(links, joints)
@@ -132,11 +133,24 @@ def leads_links(robot: Robot, names: Sequence[str]) -> bool:
     return bool(motors) and not motors & {*names}
 
 
+def require_increasing(t: np.ndarray) -> None:
+    """Refuse times that are no sequence, or that do not increase."""
+    if t.ndim != 1:
+        raise LinkworkError(f"the times have the shape {t.shape}; give a sequence of them")
+    if (late := np.flatnonzero(np.diff(t) <= 0)).size:
+        k = int(late[0])
+        raise LinkworkError(
+            f"the times have {t[k + 1]:g} s after {t[k]:g} s, at index {k + 1}; they have to "
+            "increase"
+        )
+
+
 def arrays(derivatives: Sequence[ArrayLike], count: int, width: int) -> list[np.ndarray]:
     """Return the positions and their four derivatives (count, width)."""
     if len(derivatives) != len(DERIVATIVES):
         raise LinkworkError(
-            f"{len(derivatives)} arrays are given; a flat motion takes {', '.join(DERIVATIVES)}"
+            f"{checks.amount_is(len(derivatives), 'array')} given; a flat motion takes "
+            f"{', '.join(DERIVATIVES)}"
         )
     found = []
     for name, values in zip(DERIVATIVES, derivatives, strict=True):

@@ -120,7 +120,8 @@ def require_joints(robot: Robot, names: tuple[str, ...]) -> None:
     needed = robot.mobility - len(robot.spins)
     if len(names) != needed:
         raise LinkworkError(
-            f"{len(names)} joints are led, but {needed} determine the motion, for instance "
+            f"{checks.amount_is(len(names), 'joint')} led, but {needed} determine the motion, for "
+            "instance "
             f"{', '.join(name for name in robot.independent if name not in robot.spins)}"
         )
 
