@@ -22,6 +22,7 @@ from tests.house import SOURCE, modules
 STAGES = (
     "errors moved notebooks patience",
     "checks",
+    "ipopt",
     "threads",
     "solids",
     "math paths mechanism kernels",
@@ -35,6 +36,7 @@ STAGES = (
     "robot",
     "export",
     "analysis motions scene",
+    "design",
     "views",
     "sweeps viewer lab",
     "cli",

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from linkwork import (
         analysis,
         control,
+        design,
         equations,
         formats,
         kernels,
@@ -145,6 +146,7 @@ __all__ = [
     "__version__",
     "analysis",
     "control",
+    "design",
     "equations",
     "export",
     "formats",

@@ -10,19 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
 
 from linkwork import checks
+from linkwork.analysis.number_patterns import paths_of
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
-from linkwork.mechanism.numbers import SECTIONS, Where, contents, free_numbers, located
+from linkwork.mechanism.numbers import Where, located
 from linkwork.mechanism.parameter_units import unit_of_parameter
 from linkwork.robot import Robot
-
-WILD = "*?["
 
 
 @dataclass(frozen=True)
@@ -78,8 +76,7 @@ def tolerances_of(mechanism: Mechanism, given: Any) -> Iterator[tuple[str, float
     taken: dict[Where, str] = {}
     for pattern, value in named.items():
         size = checks.positive(value, f"the tolerance of {pattern!r}")
-        wild = any(letter in pattern for letter in WILD)
-        for path in matching(mechanism, pattern) if wild else [pattern]:
+        for path in paths_of(mechanism, pattern):
             where = located(mechanism, path)[0]
             if where in taken:
                 raise LinkworkError(
@@ -88,47 +85,6 @@ def tolerances_of(mechanism: Mechanism, given: Any) -> Iterator[tuple[str, float
                 )
             taken[where] = pattern
             yield path, size
-
-
-def matching(mechanism: Mechanism, pattern: str) -> list[str]:
-    """Return the paths of all numbers that can be free and match a pattern, with or without their
-    section."""
-    found = []
-    for path in (".".join(where) for where in numbers(mechanism)):
-        short = path.split(".", 1)[1] if path.split(".", 1)[0] in SECTIONS else path
-        if fnmatchcase(short, pattern) or fnmatchcase(path, pattern):
-            try:
-                free_numbers(mechanism, [path])
-            except LinkworkError:
-                continue
-            found.append(short if unique(mechanism, short) else path)
-    if not found:
-        raise LinkworkError(
-            f"the tolerance {pattern!r} matches no number that can be free; give a path such as "
-            "'rod_*.length' or 'pivot_*.frames.0.position.x'"
-        )
-    return found
-
-
-def unique(mechanism: Mechanism, path: str) -> bool:
-    """Tell whether a path leads to one number."""
-    try:
-        located(mechanism, path)
-    except LinkworkError:
-        return False
-    return True
-
-
-def numbers(item: Any, before: Where = ()) -> Iterator[Where]:
-    """Yield where the numbers of a description are, the components of vectors by x, y, z."""
-    inside = contents(item)
-    if isinstance(item, tuple) and len(item) == 3 and isinstance(item[0], float):
-        inside = dict(zip("xyz", item, strict=True))
-    for key, part in inside.items():
-        if isinstance(part, float):
-            yield (*before, key)
-        else:
-            yield from numbers(part, (*before, key))
 
 
 def tolerance(mechanism: Mechanism, path: str, size: float) -> ErrorSource:

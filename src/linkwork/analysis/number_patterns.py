@@ -1,0 +1,66 @@
+"""Patterns of paths: "rod_*.length" stands for the lengths of all rods."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fnmatch import fnmatchcase
+from typing import Any
+
+from linkwork.errors import LinkworkError
+from linkwork.mechanism import Mechanism
+from linkwork.mechanism.numbers import SECTIONS, Where, contents, free_numbers, located
+
+WILD = "*?["
+LONG, COM = ".centre_of_mass.", ".com."
+
+
+def paths_of(mechanism: Mechanism, path: object) -> list[str]:
+    """Return the paths that a path or a pattern stands for.
+
+    Raises:
+        LinkworkError: a pattern that matches no number which can be free.
+    """
+    wild = isinstance(path, str) and any(letter in path for letter in WILD)
+    return matching(mechanism, path) if wild else [path]  # pyright: ignore
+
+
+def matching(mechanism: Mechanism, pattern: str) -> list[str]:
+    """Return the paths of all numbers that can be free and match a pattern, with or without their
+    section."""
+    found = []
+    for path in (".".join(where) for where in numbers(mechanism)):
+        short = path.split(".", 1)[1] if path.split(".", 1)[0] in SECTIONS else path
+        spelled = {path, short, *(name.replace(LONG, COM) for name in (path, short))}
+        if any(fnmatchcase(name, pattern) for name in spelled):
+            try:
+                free_numbers(mechanism, [path])
+            except LinkworkError:
+                continue
+            found.append(short if unique(mechanism, short) else path)
+    if not found:
+        raise LinkworkError(
+            f"{pattern!r} matches no number that can be free; give a path such as "
+            "'rod_*.length' or 'pivot_*.frames.0.position.x'"
+        )
+    return found
+
+
+def unique(mechanism: Mechanism, path: str) -> bool:
+    """Tell whether a path leads to one number."""
+    try:
+        located(mechanism, path)
+    except LinkworkError:
+        return False
+    return True
+
+
+def numbers(item: Any, before: Where = ()) -> Iterator[Where]:
+    """Yield where the numbers of a description are, the components of vectors by x, y, z."""
+    inside = contents(item)
+    if isinstance(item, tuple) and len(item) == 3 and isinstance(item[0], float):
+        inside = dict(zip("xyz", item, strict=True))
+    for key, part in inside.items():
+        if isinstance(part, float):
+            yield (*before, key)
+        else:
+            yield from numbers(part, (*before, key))

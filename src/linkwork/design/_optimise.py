@@ -1,0 +1,208 @@
+"""Optimise a design: numbers of the description, chosen by gradient for the best worst case.
+
+    max t  over numbers z, a level t, and configurations q_k at all poses that count, with
+    z within its bounds,    phi(q_k, p(z)) = 0,    x(q_k, p(z)) = x_k,    measure_k >= t,
+    other measures no worse than their bounds,  joints within their ranges
+
+The configurations are unknowns of their own, so that loops are closed by constraints and all
+derivatives, second ones too, are exact (CasADi); IPOPT finds a local optimum. What it finds is
+measured by the robot itself, with its numbers: poses led to from home on its own branch.
+
+Source: of loops as constraints, Haug & Arora, Applied Optimal Design, 1979, sec. 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from linkwork import checks
+from linkwork.design.choices import Choices, choices
+from linkwork.design.judging import Measure, require_measurable
+from linkwork.errors import LinkworkError
+from linkwork.ipopt import LocalOptimum, Programme
+from linkwork.patience import announced
+from linkwork.robot import Robot
+
+STEPS = 500
+SAME = 1e-5  # part by which the robot's own measure may differ from what was found
+AT_BOUND = 1e-6  # part of the way between its bounds at which a choice is at one
+SHOWN = 12  # numbers in a repr
+
+
+@dataclass(frozen=True, eq=False)
+class OptimalDesign:
+    """Hold a design that is locally optimal.
+
+    robot: with the chosen numbers
+    chosen: of each choice its value, or the factor of several numbers; values: all numbers by path
+    objective: what was optimised; before, after: its worst value, told by the robots themselves
+    constraints: of each other measure its bound, and its value before and after
+    active: names of the choices at a bound
+    steps: of IPOPT; stationarity: residual of the conditions of optimality over the largest
+        multiplier
+    """
+
+    robot: Robot
+    chosen: dict[str, float]
+    values: dict[str, float]
+    objective: Measure
+    before: float
+    after: float
+    constraints: dict[Measure, tuple[float, float, float]]
+    active: tuple[str, ...]
+    steps: int
+    stationarity: float
+
+    def __repr__(self) -> str:
+        unit = f" {self.objective.unit(self.robot)}".rstrip()
+        kind = type(self.objective).__name__
+        lines = [
+            f"Design of {self.robot.mechanism.name}, locally optimal: {kind} {self.after:.6g}"
+            f"{unit}, {self.before:.6g} before ({self.steps} steps)"
+        ]
+        for measure, (bound, before, after) in self.constraints.items():
+            word = "at least" if measure.larger_is_better else "at most"
+            lines.append(
+                f"  {type(measure).__name__} {after:.6g}, {word} {bound:.6g}, {before:.6g} before"
+            )
+        for name, value in list(self.chosen.items())[:SHOWN]:
+            lines.append(f"  {value:<12.6g} {name}" + " (at its bound)" * (name in self.active))
+        more = len(self.chosen) - SHOWN
+        return "\n".join(lines + [f"  ... and {more} more"] * (more > 0))
+
+
+@announced("optimising the design")
+def optimise(
+    robot: Robot,
+    numbers: Mapping[Any, tuple[float, float]],
+    objective: Measure,
+    subject_to: Mapping[Measure, float] | None = None,
+) -> OptimalDesign:
+    """Choose numbers of a description for the best worst value of a measure.
+
+    Args:
+        robot: with as many actuators as freedoms and a tool that is led in as many coordinates; it
+            has to reach all poses as it is.
+        numbers: bounds by path [unit of the number], as for `Robot.free`; several numbers, by a
+            pattern ("rod_*.length") or a tuple of paths and patterns, stay in proportion, and the
+            bounds are those of their common factor.
+        objective: an `Isotropy` or a `Frequency`, to be as large, or a `PeakForce`, to be as small
+            as can be.
+        subject_to: bounds of other measures that are kept: at least, or at most for forces.
+
+    Returns:
+        An `OptimalDesign`, a local optimum: others may lie elsewhere within the bounds.
+
+    Raises:
+        LinkworkError: numbers that cannot be free, bounds that leave out the robot as it is; poses
+            out of its reach; no optimum found, and why; an optimum that lies beyond a singular
+            pose, so that the robot does not get there from its home.
+    """
+    if not isinstance(robot, Robot):
+        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    kept = {} if subject_to is None else dict(subject_to)
+    for measure in (objective, *kept):
+        if not isinstance(measure, Measure):
+            raise LinkworkError(
+                f"a measure is {checks.shown(measure)}; give design.Isotropy(poses), PeakForce or "
+                "Frequency"
+            )
+    require_measurable(robot)
+    bounds = {
+        each: checks.positive(b, f"the bound of {type(each).__name__}") for each, b in kept.items()
+    }
+    chosen = choices(robot, numbers)
+    before = {measure: measure.value(chosen.robot) for measure in (objective, *bounds)}
+    found, parts = solved(chosen, objective, before[objective], bounds)
+    # The robot itself tells what it is worth.
+    z = chosen.lower + chosen.width * parts
+    values = chosen.values(z)
+    better = chosen.robot.with_parameters(values)
+    after = {measure: told(measure, better) for measure in (objective, *bounds)}
+    level = -found.value * objective.better * scale_of(before[objective])
+    refuse_elsewhere(objective, level, after[objective])
+    at_ends = np.minimum(parts, 1 - parts) < AT_BOUND
+    return OptimalDesign(
+        better,
+        dict(zip(chosen.names, z.tolist(), strict=True)),
+        values,
+        objective,
+        before[objective],
+        after[objective],
+        {each: (bound, before[each], after[each]) for each, bound in bounds.items()},
+        tuple(name for name, end in zip(chosen.names, at_ends, strict=True) if end),
+        found.steps,
+        found.stationarity,
+    )
+
+
+def solved(
+    chosen: Choices, objective: Measure, start: float, bounds: Mapping[Measure, float]
+) -> tuple[LocalOptimum, np.ndarray]:
+    """Return the local optimum, and the choices as parts of the ways between their bounds."""
+    # Unknowns: the choices, the level, and the configurations at the points of each measure.
+    part, level = ca.MX.sym("part", len(chosen.names)), ca.MX.sym("level")
+    p, functions = chosen.parameters(part), chosen.robot.functions()
+    scale = scale_of(start)
+    x, begin = (
+        [part, level],
+        [(chosen.start - chosen.lower) / chosen.width, np.array([start / scale])],
+    )
+    equations, margins = [], []
+    for measure, t in [(objective, scale * level), *bounds.items()]:
+        points = measure.points(chosen.robot, functions)
+        count = points.start.shape[1]
+        w = ca.MX.sym("w", *points.start.shape)
+        at = points.function.map(count)
+        known = ca.DM(points.known)
+        own = at(w, known, ca.repmat(p, 1, count), ca.repmat(ca.MX(t), 1, count))
+        equations, margins = [*equations, ca.vec(own[0])], [*margins, ca.vec(own[1])]
+        x, begin = [*x, ca.vec(w)], [*begin, points.start.ravel(order="F")]
+    # Bounds: choices within theirs, equations zero, margins not negative.
+    free = sum(part.size for part in begin[1:])
+    lower = np.concatenate([np.zeros(len(chosen.names)), np.full(free, -np.inf)])
+    upper = np.concatenate([np.ones(len(chosen.names)), np.full(free, np.inf)])
+    g = ca.vertcat(*equations, *margins)
+    held = sum(each.numel() for each in equations)
+    most = np.concatenate([np.zeros(held), np.full(g.numel() - held, np.inf)])
+    programme = Programme(
+        ca.vertcat(*x),
+        -objective.better * level,
+        g,
+        np.concatenate(begin),
+        (lower, upper),
+        (np.zeros(g.numel()), most),
+    )
+    found = programme.solve("design that keeps all loops closed and all bounds", STEPS)
+    return found, np.clip(found.x[: len(chosen.names)], 0.0, 1.0)
+
+
+def scale_of(value: float) -> float:
+    """Return what a level is divided by: its value at the start, or 1 where that is zero."""
+    return abs(value) if value else 1.0
+
+
+def told(measure: Measure, robot: Robot) -> float:
+    """Return the worst value of a robot; refuse poses that it does not reach from its home."""
+    try:
+        return measure.value(robot)
+    except LinkworkError as error:
+        raise LinkworkError(
+            f"what IPOPT finds is no design: the robot with these numbers refuses ({error}); give "
+            "narrower bounds"
+        ) from None
+
+
+def refuse_elsewhere(measure: Measure, level: float, after: float) -> None:
+    """Refuse an optimum whose configurations are not those that the robot takes."""
+    if not abs(level - after) <= SAME * max(abs(level), abs(after)):
+        raise LinkworkError(
+            f"what IPOPT finds is no design: {type(measure).__name__} {level:.6g} is that of poses "
+            f"on other branches, where the robot from its home has {after:.6g}; give narrower "
+            "bounds"
+        )

@@ -1,0 +1,253 @@
+"""Measures: what a design is judged by, the worst value over poses or along a path.
+
+    Isotropy     n / (|K|_F |K^-1|_F)           of q' = K x': 1 alike in all directions, 0 singular
+    PeakForce    max |u|                        of the actuators along a timed path
+    Frequency    min omega / 2 pi               of K phi = omega^2 M phi about poses that are held
+
+Each is written at every pose with the configuration q as an unknown of its own, whose equations are
+closed loops and the tool at its pose. `margins` are not negative where the measure is no worse than
+a level t:  K - (2 pi t)^2 M is positive definite where the pivots of its elimination are positive.
+
+Source: Gosselin & Angeles, J. Mech. Design 113 (1991) 220-226, with Frobenius' norm, which is
+smooth where singular values meet.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import pi
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork import checks
+from linkwork.analysis import dexterity
+from linkwork.analysis._jacobians import jacobians
+from linkwork.analysis.linearisation import stiffness_matrix
+from linkwork.design.judged_poses import JudgedPoses, PoseEquations
+from linkwork.equations.linear import derivatives
+from linkwork.errors import LinkworkError
+from linkwork.export import CasadiFunctions
+from linkwork.export.implicit import require_leading
+from linkwork.model.state import Motion
+from linkwork.paths import Path
+from linkwork.robot import Robot, State
+
+FEWEST = 3  # samples of a path
+
+
+@dataclass(frozen=True, eq=False)
+class Measure(ABC):
+    """Judge a design by its worst value over poses or along a path."""
+
+    larger_is_better: ClassVar[bool] = True
+
+    @abstractmethod
+    def value(self, robot: Robot) -> float:
+        """Return the worst value of a robot, computed by the robot itself.
+
+        Raises:
+            UnreachableError: a pose that it does not reach on the branch of its home.
+        """
+
+    @abstractmethod
+    def states(self, robot: Robot) -> State:
+        """Return the configurations that count (K)."""
+
+    @abstractmethod
+    def points(self, robot: Robot, functions: CasadiFunctions) -> JudgedPoses:
+        """Return the measure as equations and margins."""
+
+    def unit(self, robot: Robot) -> str:
+        """Return the unit of the value, empty where it has none."""
+        return ""
+
+    @property
+    def better(self) -> float:
+        """1 where larger is better, else -1."""
+        return 1.0 if self.larger_is_better else -1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Isotropy(Measure):
+    """Measure how alike the tool moves in all directions: n / (|K|_F |K^-1|_F), between lengths
+    over time, at its worst of some poses; 1 where 1 / cond K is, and as a rule above it.
+
+    Args:
+        poses: of the tool (K, k), as `Robot.assemble` takes them.
+    """
+
+    poses: ArrayLike
+
+    def states(self, robot: Robot) -> State:
+        return at_poses(robot, self.poses)
+
+    def value(self, robot: Robot) -> float:
+        values = dexterity(robot, self.states(robot)).singular_values
+        with np.errstate(divide="ignore"):
+            spread = np.linalg.norm(values, axis=-1) * np.linalg.norm(1 / values, axis=-1)
+        return float((values.shape[-1] / spread).min())
+
+    def points(self, robot: Robot, functions: CasadiFunctions) -> JudgedPoses:
+        made = jacobians(robot)
+        x_scale, q_scale = (ca.DM(part) for part in made.lengths())
+        of = PoseEquations.of(robot)
+        q, p, t = of.q, of.p, of.t
+        J, S = functions["jacobian"](q, p)[0], functions["actuation"](q, p)[0]
+        J, S = ca.diag(x_scale) @ J, ca.diag(q_scale) @ S
+        K, inverse = S @ ca.inv(J), J @ ca.inv(S)
+        worth = robot.mobility / ca.sqrt(ca.sumsqr(K) * ca.sumsqr(inverse))
+        return of.judged(self.states(robot), worth - t)
+
+
+@dataclass(frozen=True, eq=False)
+class PeakForce(Measure):
+    """Measure the largest force or torque of any actuator along a timed path.
+
+    Args:
+        path: of the tool; duration: T [s]; samples: equally spaced times at which forces count.
+    """
+
+    larger_is_better = False
+    path: Path
+    duration: float
+    samples: int = 41
+
+    def __post_init__(self) -> None:
+        checks.positive(self.duration, "the duration", " s")
+        if checks.count(self.samples, "the number of samples") < FEWEST:
+            raise LinkworkError(f"the samples are {self.samples}; give {FEWEST} or more")
+
+    def unit(self, robot: Robot) -> str:
+        return "N" if robot.unit(robot.actuators[0]) == "m" else "N m"
+
+    def motion(self, robot: Robot) -> Motion:
+        """Return the motion along the path."""
+        if len({robot.unit(name) for name in robot.actuators}) > 1:
+            raise LinkworkError(
+                "some actuators turn and others slide, whose largest force is not one number; "
+                "measure a robot whose actuators are alike"
+            )
+        return robot.follow(self.path, self.duration, samples=self.samples)
+
+    def states(self, robot: Robot) -> State:
+        return self.motion(robot).state
+
+    def value(self, robot: Robot) -> float:
+        return float(np.abs(robot.inverse_dynamics(self.motion(robot)).values).max())
+
+    def points(self, robot: Robot, functions: CasadiFunctions) -> JudgedPoses:
+        of = PoseEquations.of(robot)
+        q, p, t = of.q, of.p, of.t
+        # Rates and accelerations are unknowns, too, held by those of the tool.
+        n, motion = robot.mobility, self.motion(robot)
+        v, dv = ca.SX.sym("v", n), ca.SX.sym("dv", n)
+        x_rate, x_bend = ca.SX.sym("x_rate", n), ca.SX.sym("x_bend", n)
+        J = functions["jacobian"](q, p)[0]
+        turned = functions["jacobian_rate"](q, v, p)[0]
+        u = functions["inverse_dynamics"](q, v, dv, p)[0]
+        # The tool's rates and accelerations along the path, which no design changes.
+        count = len(motion.time)
+        start = motion.state.q.T, motion.rates.T, motion.accelerations.T
+        read = ca.Function("rates", [q, v, dv, p], [J @ v, J @ dv + turned @ v])
+        known = [
+            np.array(part) for part in read.map(count)(*start, np.tile(robot.p[:, None], count))
+        ]
+        return of.judged(
+            motion.state,
+            ca.vertcat(t - u, t + u),
+            ca.vertcat(J @ v - x_rate, J @ dv + turned @ v - x_bend),
+            unknown=[(v, start[1]), (dv, start[2])],
+            known=[(x_rate, known[0]), (x_bend, known[1])],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Frequency(Measure):
+    """Measure the lowest natural frequency [Hz] about poses that the actuators hold: springs,
+    weight, and the stiffness of drives.
+
+    Args:
+        poses: of the tool (K, k), as `Robot.assemble` takes them.
+        stiffness: of joints by name [N/m, N m/rad], beside the springs of the description: that of
+            drives or of their controllers.
+    """
+
+    poses: ArrayLike
+    stiffness: Mapping[str, float] = field(default_factory=dict)
+
+    def unit(self, robot: Robot) -> str:
+        return "Hz"
+
+    def states(self, robot: Robot) -> State:
+        return at_poses(robot, self.poses)
+
+    def value(self, robot: Robot) -> float:
+        from scipy.linalg import eigh
+
+        states, lowest = self.states(robot), []
+        rows, values = self._drives(robot)
+        for k in range(len(states.q)):
+            state = states.at(k)
+            L = robot.rate_map(state)[rows]
+            K = stiffness_matrix(robot, state, robot.holding_forces(state))
+            K = (K + K.T) / 2 + L.T @ (values[:, None] * L)
+            lowest.append(eigh(K, robot.mass_matrix(state), eigvals_only=True)[0])
+        square = float(min(lowest))
+        return float(np.sign(square) * np.sqrt(abs(square)) / (2 * pi))
+
+    def points(self, robot: Robot, functions: CasadiFunctions) -> JudgedPoses:
+        of = PoseEquations.of(robot)
+        q, p, t = of.q, of.p, of.t
+        still = ca.SX.zeros(robot.mobility)
+        rows, values = self._drives(robot)
+        u = functions["inverse_dynamics"](q, still, still, p)[0]
+        whole = derivatives(robot.equations)
+        K = whole(q, still, u, p)[whole.index_out("K")]
+        L = functions["rate_map"](q, p)[0][rows, :]
+        M = functions["mass_matrix"](q, p)[0]
+        K = (K + K.T) / 2 + L.T @ ca.diag(ca.DM(values)) @ L
+        # The same in units in which the pivots of M are near one.
+        units = np.sqrt(np.diag(robot.mass_matrix(robot.home)))
+        scaled = ca.diag(1 / ca.DM(units)) @ (K - (2 * pi * t) ** 2 * M) @ ca.diag(1 / ca.DM(units))
+        size = (2 * pi * max(abs(self.value(robot)), 1e-3)) ** 2
+        return of.judged(self.states(robot), pivots(scaled / size))
+
+    def _drives(self, robot: Robot) -> tuple[list[int], np.ndarray]:
+        """Return the rows of the joints that are stiff, and their stiffness."""
+        checks.known(self.stiffness, robot.rates, "rate")
+        values = [checks.positive(v, f"the stiffness of {k!r}") for k, v in self.stiffness.items()]
+        return [robot.rates.index(name) for name in self.stiffness], np.array(values)
+
+
+def at_poses(robot: Robot, poses: ArrayLike) -> State:
+    """Return the configurations at poses of the tool (K, k)."""
+    values = np.atleast_2d(checks.finite(poses, "the poses"))
+    return robot.assemble(tool=values.reshape(-1, values.shape[-1]))
+
+
+def pivots(A: ca.SX) -> ca.SX:
+    """Return the pivots of the elimination of a symmetric matrix in its own order, each times those
+    before it: its leading minors, all positive where it is positive definite."""
+    found, product = [], ca.SX(1)
+    for k in range(A.shape[0]):
+        product = product * A[k, k]
+        found.append(product)
+        A = A - A[:, k] @ A[k, :] / A[k, k]
+    return ca.vertcat(*found)
+
+
+def require_measurable(robot: Robot) -> None:
+    """Refuse robots whose poses do not determine the configuration, or whose actuators are more or
+    fewer than their freedoms."""
+    robot.require_tool()
+    require_leading(robot, robot.equations)
+    if len(robot.actuators) != robot.mobility:
+        raise LinkworkError(
+            f"the robot has {len(robot.actuators)} actuators and the mobility {robot.mobility}; a "
+            "design is chosen for as many actuators as freedoms"
+        )

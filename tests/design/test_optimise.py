@@ -1,0 +1,138 @@
+"""Optimal designs against known optima, and the robots' own measures beside them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork import design
+
+from tests.analysis.mechanisms import arm
+from tests.catalogue import built
+
+LINKS = ("wrist_*.frames.0.position.x", "link_*.com.x")
+CORNERS = "wrist_*.frames.1.position.[xy]"
+
+
+def test_an_arm_that_moves_alike_in_all_directions():
+    """l1 = sqrt 2 l2, at the distance l2 of the tool from the base (Salisbury & Craig 1982)."""
+    poses = [[0.6, 0.0], [0.0, 0.6]]
+    number = "hinge_2.frames.0.position.x"
+    found = design.optimise(arm(1.0, 0.6), {number: (0.7, 1.3)}, design.Isotropy(poses))
+    assert found.values[number] == pytest.approx(0.6 * np.sqrt(2), rel=1e-6)
+    assert found.after == pytest.approx(1.0) and found.stationarity < 1e-7
+    assert found.before < 0.93 and not found.active
+    assert "locally optimal" in repr(found) and number in repr(found)
+
+
+def test_a_pendulum_is_balanced():
+    """The torque over a swing is least where (I + m x^2) |a| + m g x |cos| is: by a scan of x."""
+    link = lw.Body(mass=2.0, centre_of_mass=(0.1, 0, 0), inertia=lw.Inertia(zz=0.05))
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"link": link},
+            joints={"hinge": lw.RevoluteJoint(connects=("ground", "link"))},
+            actuators=("hinge",),
+            gravity=(0, -9.81, 0),
+            tools={"end": lw.Tool(body="link", task=("angle",))},
+        )
+    )
+    path = lw.paths.Path(lambda s: (2 * s[:, None], 2 + 0 * s[:, None], 0 * s[:, None]))
+    told = design.PeakForce(path, 0.8, samples=41)
+    found = design.optimise(robot, {"link.com.x": (-0.3, 0.3)}, told)
+    free = robot.free("link.com.x")
+    scan = np.linspace(-0.1, 0.1, 41)
+    peaks = [told.value(free.with_parameters({"link.com.x": x})) for x in scan]
+    assert found.after <= min(peaks) * (1 + 1e-9)
+    assert abs(found.values["link.com.x"] - scan[np.argmin(peaks)]) < 0.006
+    assert told.unit(robot) == "N m"
+
+
+def test_a_drive_gets_as_stiff_as_masses_allow():
+    """One mass on a drive: 2 pi f = sqrt(k / m), with the mass at its lower bound."""
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"cart": lw.Body(mass=3.0, inertia=lw.Inertia(zz=0.1))},
+            joints={"slide": lw.PrismaticJoint(connects=("ground", "cart"), axis=(1, 0, 0))},
+            actuators=("slide",),
+            gravity=(0, 0, -9.81),
+            tools={"end": lw.Tool(body="cart", task=("x",))},
+        )
+    )
+    found = design.optimise(
+        robot, {"cart.mass": (1.5, 4.0)}, design.Frequency([[0.0], [0.2]], {"slide": 800.0})
+    )
+    assert found.active == ("cart.mass",)
+    assert found.after == pytest.approx(np.sqrt(800 / 1.5) / (2 * np.pi), rel=1e-6)
+
+
+def test_a_robot_of_three_legs_under_a_bound():
+    """The 3-PRR: less force with a bound of isotropy, which holds to the digit; designs beside it
+    that keep the bound need more force, as the robot itself tells."""
+    robot = built("prr3")
+    home = robot.tool_pose(robot.home)
+    offsets = np.stack(np.meshgrid([-0.03, 0.03], [-0.03, 0.03], [-0.1, 0.1]), -1).reshape(-1, 3)
+    alike = design.Isotropy(home + offsets)
+    line = lw.paths.line([*(home - [0.03, 0, 0])], [*(home + np.array([0.03, 0.03, 0.1]))])
+    force = design.PeakForce(line, 0.3, samples=15)
+    numbers = {LINKS: (0.8, 1.5), CORNERS: (0.6, 1.5), "platform.mass": (1.0, 2.0)}
+    found = design.optimise(robot, numbers, force, {alike: 0.6})
+    bound, before, after = found.constraints[alike]
+    assert before < bound == 0.6 and after == pytest.approx(0.6, abs=1e-7)
+    assert found.after < 0.75 * found.before and found.stationarity < 1e-7
+    assert robot.closure_error(robot.home) < 1e-12
+    # Steps to all sides within the bounds.
+    factors = np.array([found.chosen[", ".join(LINKS)], found.chosen[CORNERS]])
+    better = []
+    for step in ([0.004, 0], [-0.004, 0], [0, 0.004], [0.003, 0.003], [-0.003, 0.003]):
+        one, two = (factors + step) / factors
+        moved = {
+            path: value * (one if path.endswith((".0.position.x", "mass.x")) else two)
+            for path, value in found.values.items()
+            if path != "platform.mass"
+        }
+        beside = found.robot.with_parameters(moved)
+        if alike.value(beside) >= 0.6 - 1e-9:
+            better.append(force.value(beside) < found.after)
+    assert better and not any(better)
+
+
+def test_a_delta_of_other_rods():
+    """One factor of all rods: by a scan over it."""
+    robot = built("delta")
+    home = robot.tool_pose(robot.home)[:3]
+    told = design.Isotropy(home + np.array([[0, 0, 0.1], [0.3, 0, 0], [0, -0.3, -0.1]]))
+    found = design.optimise(robot, {"rod_*.length": (0.7, 1.2)}, told)
+    free = robot.free(*found.values)
+    factors = found.chosen["rod_*.length"] + np.array([-0.05, -0.01, 0.01, 0.05])
+    others = [
+        told.value(free.with_parameters({path: 1.244 * factor for path in found.values}))
+        for factor in factors
+    ]
+    assert max(others) < found.after and found.after > 1.1 * found.before
+    assert len({*found.values.values()}) == 1
+
+
+def test_bad_input_is_refused():
+    robot = arm(1.0, 0.6)
+    number, alike = "hinge_2.frames.0.position.x", design.Isotropy([[0.6, 0.0], [0.9, 0.9]])
+    cases = [
+        (({}, alike), "give bounds by path"),
+        (({number: (1.2, 1.4)}, alike), "leave out its value 1"),
+        (({number: (1.2, 0.4)}, alike), "give a lower and a larger"),
+        (({"rod_*.com.x": (1.2, 1.4)}, alike), "the factor 1 of the robot as it is"),
+        (({"hinge_2.frames.1.position.[xy]": (0.5, 2)}, alike), "are zero, and stay so"),
+        (({number: (0.7, 1.3), (number,): (0.7, 1.3)}, alike), "name it once"),
+        (({"rod_9.mass": (1, 2)}, alike), "rod_9"),
+        (({number: (0.7, 1.3)}, "stiff"), "give design.Isotropy"),
+        (({number: (0.7, 1.3)}, alike, {alike: -1}), "bound of Isotropy"),
+        (({number: (0.7, 1.3)}, alike, {alike: 0.99}), "from this start none keeps all"),
+        (({number: (0.7, 1.3)}, design.Isotropy([[3.0, 0.0]])), "with the tool at"),
+        (({number: (0.7, 1.3)}, design.Frequency([[1, 1]], {"hinge_9": 1.0})), "hinge_9"),
+    ]
+    for given, sentence in cases:
+        with pytest.raises(lw.LinkworkError, match=sentence):
+            design.optimise(robot, *given)
+    with pytest.raises(lw.LinkworkError, match="give 3 or more"):
+        design.PeakForce(lw.paths.line([0.6, 0], [0.9, 0]), 1.0, samples=2)
