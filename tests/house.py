@@ -37,6 +37,7 @@ WINGS = {
         "regressor",
     ),
     "masses of shapes": ("density",),
+    "named quantities": ("formulas", "quantities"),
     "fluid": ("fluid",),
     "stops, contact, sticking": ("contact", "elastic", "impact", "sticking", "surfaces"),
     "bearings": ("bearing", "bearing_loads", "bearings", "needs", "rubbing"),

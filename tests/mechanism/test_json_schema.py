@@ -36,7 +36,7 @@ def test_the_committed_schema_is_the_generated_one():
 
 def test_every_field_is_described():
     for name, part in {"Mechanism": schema(), **schema()["definitions"]}.items():
-        for field, content in part["properties"].items():
+        for field, content in part.get("properties", {}).items():
             if field != "type":
                 assert content.get("description"), f"{name}.{field}"
 
@@ -68,11 +68,11 @@ def test_files_of_the_catalogue_satisfy_it_and_give_the_robot_back(tmp_path, nam
         ("joints", None),
         ("extra", 1),
         ("gravity", [0, 0]),
-        ("gravity", [0, 0, "down"]),
+        ("gravity", [0, 0, "down!"]),
         ("bodies.a b ", {"mass": 1}),
         ("bodies.upper.mass", None),
         ("bodies.upper.mass", -1),
-        ("bodies.upper.mass", "heavy"),
+        ("bodies.upper.mass", "very heavy!"),
         ("bodies.upper.weight", 1),
         ("bodies.upper.inertia", {"xx": 1, "yy": 1}),
         ("bodies.upper.shapes", {"type": "sphere", "radius": 1}),
@@ -99,7 +99,7 @@ def test_files_of_the_catalogue_satisfy_it_and_give_the_robot_back(tmp_path, nam
         ("joints.elbow.frames", [{}, {"position": [1, 2]}]),
         ("actuators", "shoulder"),
         ("actuators", ["elbow.wx.wy"]),
-        ("reference.shoulder", "x"),
+        ("reference.shoulder", "x!"),
         ("tools", {"tip": {}}),
         ("springs", {"s": {"connects": ["upper", "lower"]}}),
     ],

@@ -17,6 +17,9 @@ import yaml
 from linkwork.mechanism.document import EMPTY, NUMBER, TRUTH, DocumentNode, read_document
 from linkwork.mechanism.json_schema import FORMAT_VERSION
 from linkwork.mechanism.mechanism import Mechanism
+from linkwork.mechanism.parameter_units import refuse_units
+from linkwork.mechanism.places import located
+from linkwork.mechanism.quantities import standing, worked_out
 from linkwork.mechanism.record import Record
 from linkwork.mechanism.refusal import MechanismError, shown
 
@@ -33,14 +36,30 @@ def parsed(text: str, folder: Path | None = None) -> Mechanism:
     """
 
     def made(**fields: Any) -> Mechanism:
-        return Mechanism(**(fields if folder is None else _placed(fields, folder)))
+        if "formulas" in fields:
+            raise MechanismError(
+                "is not a known field; write formulas in the places of the numbers", ("formulas",)
+            )
+        fields = worked_out(fields, Mechanism)
+        mechanism = Mechanism(**(fields if folder is None else _placed(fields, folder)))
+        refuse_units(mechanism)
+        return mechanism
 
     return described(read_document(text), "linkwork", FORMAT_VERSION, "mechanism", made)
 
 
 def written(mechanism: Mechanism) -> str:
     """Return a mechanism as a file's text."""
-    fields = {"linkwork": FORMAT_VERSION} | _plain(mechanism)
+    texts: dict[str, Any] = {}
+    for path, text in standing(mechanism).items():
+        *parents, last = located(mechanism, path)[0]
+        inner = texts
+        for part in parents:
+            inner = inner.setdefault(part, {})
+        inner[last] = text
+    plain = _plain(mechanism, texts)
+    plain.pop("formulas", None)
+    fields = {"linkwork": FORMAT_VERSION} | plain
     return yaml.dump(fields, Dumper=Dumper, sort_keys=False, allow_unicode=True, width=120)
 
 
@@ -165,20 +184,30 @@ def described(
         raise MechanismError(error.what, error.where, f"line {root.line_of(error.where)}") from None
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any, texts: Mapping[str, Any]) -> Any:
     """Turn records into dicts, the type first and without the fields at their defaults, and tuples
-    into lists."""
+    into lists.
+
+    texts: formulas that stand for numbers in it, by field, name or index
+    """
     if isinstance(value, Record):
         fields = {name: getattr(value, name) for name in type(value).model_fields}
         kind = {"type": fields.pop("type")} if "type" in fields else {}
         return kind | {
-            name: _plain(item)
+            name: _written(item, texts.get(name, {}))
             for name, item in fields.items()
-            if not _is_default(value, name, item)
+            if name in texts or not _is_default(value, name, item)
         }
     if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+        return {key: _written(item, texts.get(key, {})) for key, item in value.items()}
+    if isinstance(value, tuple):
+        return [_written(item, texts.get(str(k), {})) for k, item in enumerate(value)]
+    return value
+
+
+def _written(value: Any, text: Any) -> Any:
+    """Return a value as plain data, or the formula that it follows from."""
+    return text if isinstance(text, str) else _plain(value, text)
 
 
 def _is_default(record: Record, name: str, value: Any) -> bool:

@@ -16,12 +16,21 @@ from linkwork.mechanism.shapes import Shape
 from linkwork.mechanism.transmissions import CablePart, Transmission
 
 FORMAT_VERSION = 1
+FORMULA = {
+    "title": "Formula",
+    "description": "a number worked out of named quantities, such as rod/2, or in degrees: 30 deg",
+    "type": "string",
+    "pattern": r"^[-+]?\(*[A-Za-z_0-9.][A-Za-z0-9_ .+*/(),-]*$",
+}
+PLAIN = ("axis", "axes", "elastic", "drives")
+"""Fields in which numbers are numbers."""
 
 
 def schema() -> dict[str, Any]:
     """Return the JSON schema (draft 7) of the mechanism file as a dict, ready for `json.dump`."""
     made = Mechanism.model_json_schema(ref_template="#/definitions/{model}")
     definitions = made.pop("$defs")
+    made["properties"].pop("formulas")
     kinds = Joint, Shape, Surface, Transmission, CablePart
     for record in dict.fromkeys(record for kind in kinds for record in records_in(kind)):
         _say_type(definitions[record.__name__])
@@ -44,7 +53,7 @@ def schema() -> dict[str, Any]:
             "properties": {"linkwork": version, **made["properties"]},
             "required": ["linkwork", *made["required"]],
             "additionalProperties": False,
-            "definitions": definitions,
+            "definitions": {**definitions, "Formula": FORMULA},
         }
     )
 
@@ -67,18 +76,28 @@ def _name_freedoms(joint: dict[str, Any], freedoms: tuple[str, ...]) -> None:
         field["properties"] = dict.fromkeys(freedoms, each)
 
 
-def _in_draft_7(part: Any) -> Any:
+def _in_draft_7(part: Any, formulas: bool = True) -> Any:
     """Rewrite what draft 7 does not know: tuples of equal items, keywords beside a reference,
-    discriminators."""
+    discriminators; let formulas stand for numbers."""
     if isinstance(part, list):
-        return [_in_draft_7(item) for item in part]
+        return [_in_draft_7(item, formulas) for item in part]
     if not isinstance(part, dict):
         return part
-    part = {key: _in_draft_7(value) for key, value in part.items() if key != "discriminator"}
+    part = {
+        key: _in_draft_7(value, formulas and key not in PLAIN)
+        for key, value in part.items()
+        if key != "discriminator"
+    }
     if "prefixItems" in part:
         part["items"] = part.pop("prefixItems")[0]
     if "patternProperties" in part or ("properties" in part and part.get("type") == "object"):
         part["additionalProperties"] = False
     if "$ref" in part and len(part) > 1:
         part["allOf"] = [{"$ref": part.pop("$ref")}]
-    return part
+    return _or_formula(part) if formulas and part.get("type") == "number" else part
+
+
+def _or_formula(number: dict[str, Any]) -> dict[str, Any]:
+    """Return a number, or a formula in its place."""
+    said = {key: number.pop(key) for key in ("title", "description", "default") if key in number}
+    return {**said, "anyOf": [number, {"$ref": "#/definitions/Formula"}]}

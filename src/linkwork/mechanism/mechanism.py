@@ -22,6 +22,7 @@ from linkwork.mechanism.elastic import expanded
 from linkwork.mechanism.fluid import Drag, Fluid
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.joints import QUATERNION, TYPES, GearJoint, Joint, JointBase, PairJoint
+from linkwork.mechanism.quantities import QuantityName, standing
 from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record, Vector3
 from linkwork.mechanism.refusal import shown
 from linkwork.mechanism.task import NAMES, TaskCoordinate, labels
@@ -97,6 +98,13 @@ class Mechanism(Record, Portrayed):
     """
 
     name: str = Field(default="mechanism", description="name of the mechanism")
+    let: Mapping[QuantityName, Real] = Field(
+        default_factory=dict, description="named quantities, which formulas of other numbers use"
+    )
+    formulas: Mapping[str, str] = Field(
+        default_factory=dict,
+        description="formulas of numbers by their paths; files have them in the numbers' places",
+    )
     gravity: Vector3 = Field(
         default=(0.0, 0.0, -9.81),
         description="acceleration of gravity in the ground's axes [m/s^2]",
@@ -198,7 +206,9 @@ class Mechanism(Record, Portrayed):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        # Bodies, and what connects two of them.
+        # Formulas give what stands at their places; bodies, and what connects two of them.
+        if self.formulas:
+            self._check_formulas()
         if GROUND in self.bodies:
             raise MechanismError(
                 "'ground' is the fixed frame and cannot be described; rename the body",
@@ -250,6 +260,17 @@ class Mechanism(Record, Portrayed):
         for name, joint in self.pairs.items():
             graph.add_edge(*joint.connects, key=name)
         return graph
+
+    def _check_formulas(self) -> None:
+        """Refuse formulas of other numbers than stand at their places."""
+        held = standing(self)
+        for path, text in self.formulas.items():
+            if path not in held:
+                raise MechanismError(
+                    f"the formula {shown(text)} does not give the number that stands there; use "
+                    "Mechanism.with_quantities, or remove it",
+                    tuple(path.split(".")),
+                )
 
     def _check_ratios(
         self,
@@ -350,13 +371,45 @@ class Mechanism(Record, Portrayed):
             inertia=inertia or Inertia(xx=0.0, yy=0.0, zz=0.0),
         )
         body = together(self.bodies[held.body], payload, held.frame)
-        return self.model_copy(update={"bodies": {**self.bodies, held.body: body}})
+        mine = tuple(
+            f"bodies.{held.body}.{part}." for part in ("mass", "centre_of_mass", "inertia")
+        )
+        formulas = {
+            path: text for path, text in self.formulas.items() if not f"{path}.".startswith(mine)
+        }
+        bodies = {**self.bodies, held.body: body}
+        return self.model_copy(update={"bodies": bodies, "formulas": formulas})
+
+    def with_quantities(
+        self, let: Mapping[str, float | str], formulas: Mapping[str, str] | None = None
+    ) -> Mechanism:
+        """Return the mechanism with named quantities, and with numbers that follow from them.
+
+        Args:
+            let: values by name, or formulas of other quantities; those that are left out stay.
+            formulas: by path of the number, such as {"pin.frames.0.position.x": "rod/2"}.
+
+        Raises:
+            MechanismError: formulas that have no value, circles, units that do not fit, numbers
+                that a description may not hold.
+        """
+        from linkwork.mechanism.files import parsed, written
+        from linkwork.mechanism.quantities import with_quantities
+
+        made = with_quantities(self, let, formulas or {})
+        try:
+            return parsed(written(made))
+        except MechanismError as error:
+            raise MechanismError(error.what, error.where) from None
 
     def with_reference(self, values: Mapping[str, float]) -> Mechanism:
         """Return the mechanism with other joint coordinates [m, rad] in its reference, by name; the
         others stay."""
         fields: dict[str, Any] = {name: getattr(self, name) for name in type(self).model_fields}
         fields["reference"] = {**self.reference, **values}
+        given = {f"reference.{name}" for name in values}
+        kept = {path: text for path, text in self.formulas.items() if path not in given}
+        fields["formulas"] = kept
         return Mechanism(**fields)
 
     def save(self, path: str | Path) -> None:

@@ -6,6 +6,9 @@ mechanism file; `com` is short for `centre_of_mass`, and the entries of a list a
 z in a vector). Where a body and a joint, say, share a name, the section goes before it:
 "joints.platform.friction.viscous".
 
+A named quantity is "let.rod", or "rod"; what follows from it by formulas moves with it, and has no
+value of its own.
+
 A number that enters the equations of motion may be free, that is, a symbol whose value is chosen
 later. Frames turn by free numbers (`rotation`, `turn`); axes in them, which are of unit length,
 stay: the two tilts of an axis and the offset of its zero are turns of the joint's frames. Nor may
@@ -18,29 +21,26 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from linkwork.mechanism.effects import Friction, Spring
-from linkwork.mechanism.joints import ManyFreedoms
+from linkwork.mechanism.formulas import names_in
 from linkwork.mechanism.mechanism import Mechanism
-from linkwork.mechanism.record import Record
-from linkwork.mechanism.refusal import MechanismError, shown, suggestion
+from linkwork.mechanism.places import SECTIONS as SECTIONS
+from linkwork.mechanism.places import Where, contents, located, placed
+from linkwork.mechanism.quantities import borne, reworked
+from linkwork.mechanism.refusal import MechanismError, shown
 
-SECTIONS = ("bodies", "joints", "springs", "contacts", "lifts", "drags", "transmissions", "tools")
-SHORT = {"com": "centre_of_mass"}
-COMPONENTS = {"x": "0", "y": "1", "z": "2"}
+__all__ = [
+    "SECTIONS",
+    "Where",
+    "contents",
+    "edited",
+    "free_numbers",
+    "located",
+    "places_of",
+    "replaced",
+]
 DIRECTIONS = ("axis", "axes")
 OUTSIDE = ("limits", "reference", "shapes", "task", "drives")
 FORMS = ("exponent", "restitution")
-
-Where = tuple[str, ...]
-
-
-class NoNumberError(Exception):
-    """Report that a path ends before it reaches a number; `depth`: how many of its parts lead
-    somewhere."""
-
-    def __init__(self, depth: int, what: str):
-        self.depth = depth
-        super().__init__(what)
 
 
 def free_numbers(mechanism: Mechanism, paths: Iterable[str]) -> dict[str, float]:
@@ -54,26 +54,16 @@ def free_numbers(mechanism: Mechanism, paths: Iterable[str]) -> dict[str, float]
     values = {}
     for path in paths:
         where, value = located(mechanism, path)
-        fields = {where[0], *where[2:]}  # without the element's name
-        if not fields.isdisjoint(OUTSIDE):
+        refuse_following(mechanism, where, path)
+        bearing = places_of(mechanism, path)
+        for place in bearing:
+            if fault := fault_of(place):
+                by = "" if place == where else f" bears on {'.'.join(place)}, which"
+                raise MechanismError(f"{shown(path)}{by} {fault}")
+        if all(enters_nothing(place) for place in bearing):
             raise MechanismError(
                 f"{shown(path)} enters no equation of motion and cannot be free; change the "
                 "description"
-            )
-        if not fields.isdisjoint(DIRECTIONS):
-            raise MechanismError(
-                f"{shown(path)} is part of a direction and cannot be free; free turns of the "
-                "frames that it stands in, such as frames.0.turn.x"
-            )
-        if not fields.isdisjoint(FORMS):
-            raise MechanismError(
-                f"{shown(path)} decides the form of a force and cannot be free; free stiffness, "
-                "dissipation or impact_rate"
-            )
-        if "radii" in fields:
-            raise MechanismError(
-                f"{shown(path)} decides how much fluid moves along and cannot be free; free "
-                "fluid.density, fluid.viscosity or the drag's coefficients"
             )
         if where in places:
             raise MechanismError(
@@ -83,11 +73,74 @@ def free_numbers(mechanism: Mechanism, paths: Iterable[str]) -> dict[str, float]
     return values
 
 
+def places_of(mechanism: Mechanism, path: str) -> tuple[Where, ...]:
+    """Return the places of the numbers that a path stands for: its own, or those that follow from a
+    named quantity."""
+    where = located(mechanism, path)[0]
+    return tuple(borne(mechanism, where)) if where[0] == "let" else (where,)
+
+
+def refuse_following(mechanism: Mechanism, where: Where, path: str) -> None:
+    """Refuse the path of a number that follows from named quantities."""
+    text = mechanism.formulas.get(".".join(where), "")
+    if text and names_in(text):
+        raise MechanismError(
+            f"{shown(path)} follows from the formula {shown(text)} and has no value of its own; "
+            "change or free the quantities that it names"
+        )
+
+
+def without(mechanism: Mechanism, where: Where) -> Mechanism:
+    """Return a mechanism without the formula of a number, such as 30 deg, if it has one."""
+    path = ".".join(where)
+    if path not in mechanism.formulas:
+        return mechanism
+    kept = {other: text for other, text in mechanism.formulas.items() if other != path}
+    return mechanism.model_copy(update={"formulas": kept})
+
+
+def enters_nothing(where: Where) -> bool:
+    """Tell whether a number enters no equation of motion."""
+    return not {where[0], *where[2:]}.isdisjoint(OUTSIDE)
+
+
+def fault_of(where: Where) -> str:
+    """Return why a number of the equations of motion cannot be free; empty where it can."""
+    fields = {where[0], *where[2:]}  # without the element's name
+    if enters_nothing(where):
+        return ""
+    if not fields.isdisjoint(DIRECTIONS):
+        return (
+            "is part of a direction and cannot be free; free turns of the frames that it stands "
+            "in, such as frames.0.turn.x"
+        )
+    if not fields.isdisjoint(FORMS):
+        return (
+            "decides the form of a force and cannot be free; free stiffness, dissipation or "
+            "impact_rate"
+        )
+    if "radii" in fields:
+        return (
+            "decides how much fluid moves along and cannot be free; free fluid.density, "
+            "fluid.viscosity or the drag's coefficients"
+        )
+    return ""
+
+
 def replaced(mechanism: Mechanism, values: Mapping[str, Any]) -> Mechanism:
-    """Return the description with other values at some paths, unchecked."""
+    """Return the description with other values at some paths, unchecked; what follows from named
+    quantities follows.
+
+    Raises:
+        MechanismError: a number that follows from a formula, which is not given.
+    """
+    changed = set()
     for path, value in values.items():
-        mechanism = _replaced(mechanism, located(mechanism, path)[0], value)
-    return mechanism
+        where, _ = located(mechanism, path)
+        refuse_following(mechanism, where, path)
+        mechanism = placed(without(mechanism, where), where, value)
+        changed |= {where[1]} if where[0] == "let" else set()
+    return reworked(mechanism, changed) if changed else mechanism
 
 
 def edited(mechanism: Mechanism, values: Mapping[str, float]) -> Mechanism:
@@ -100,80 +153,3 @@ def edited(mechanism: Mechanism, values: Mapping[str, float]) -> Mechanism:
     result = replaced(mechanism, values)
     Mechanism(**result.model_dump())
     return result
-
-
-def located(mechanism: Mechanism, path: str) -> tuple[Where, float]:
-    """Return where in a mechanism a path leads to, field by field, and the number there."""
-    if not isinstance(path, str):
-        raise MechanismError(
-            f"{shown(path)} is no path of a number; give one such as 'platform.mass'"
-        )
-    parts, found, dead_ends = tuple(path.split(".")), [], []
-    for section in ((), *((name,) for name in SECTIONS)):
-        try:
-            found.append(_follow(mechanism, (*section, *parts), ()))
-        except NoNumberError as error:
-            dead_ends.append((error.depth - len(section), str(error)))
-    if not found:
-        raise MechanismError(
-            f"{shown(path)} leads to no number: {max(dead_ends, key=lambda end: end[0])[1]}"
-        )
-    if len(found) > 1:
-        spelled = " or ".join(repr(".".join(where)) for where, _ in found)
-        raise MechanismError(f"{shown(path)} may mean several numbers; write {spelled}")
-    return found[0]
-
-
-def _follow(item: Any, parts: Where, before: Where) -> tuple[Where, float]:
-    """Follow the parts of a path from an item of the description; before: the way that led to
-    it."""
-    inside = contents(item)
-    if not parts:
-        if isinstance(item, float):
-            return before, item
-        needs = f"go on with {', '.join(inside)}" if inside else "there is none"
-        raise NoNumberError(len(before), f"{'.'.join(before)} is not one; {needs}")
-    for count in range(1, len(parts) + 1):
-        key = ".".join(parts[:count])
-        key = SHORT.get(key, key) if isinstance(item, Record) else key
-        key = COMPONENTS.get(key, key) if isinstance(item, tuple) else key
-        if key in inside:
-            return _follow(inside[key], parts[count:], (*before, key))
-    holds = f"it holds {', '.join(inside)}" if inside else "it holds nothing"
-    raise NoNumberError(
-        len(before),
-        (
-            f"{'.'.join(before) or 'the mechanism'} has no "
-            f"{parts[0]!r}{suggestion(parts[0], inside)}; {holds}"
-        ),
-    )
-
-
-def contents(item: Any) -> dict[str, Any]:
-    """Return what an item holds, by field, name or index; what a joint leaves out of its freedoms
-    is zero."""
-    if isinstance(item, Record):
-        fields = {name: getattr(item, name) for name in type(item).model_fields}
-        if isinstance(item, ManyFreedoms):
-            for field, default in (
-                ("friction", Friction()),
-                ("spring", Spring()),
-                ("rotor_inertia", 0.0),
-            ):
-                fields[field] = dict.fromkeys(item.freedoms, default) | fields[field]
-        return fields
-    if isinstance(item, Mapping):
-        return dict(item)
-    return {str(index): part for index, part in enumerate(item)} if isinstance(item, tuple) else {}
-
-
-def _replaced(item: Any, where: Where, value: Any) -> Any:
-    """Return an item with another value at a place in it."""
-    if not where:
-        return value
-    inside = contents(item)
-    part = _replaced(inside[where[0]], where[1:], value)
-    if isinstance(item, Record):
-        return item.model_copy(update={where[0]: part})
-    inside[where[0]] = part
-    return tuple(inside.values()) if isinstance(item, tuple) else inside

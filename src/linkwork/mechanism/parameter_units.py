@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 
 from linkwork.errors import LinkworkError
-from linkwork.mechanism import Mechanism
+from linkwork.mechanism import formulas as formula
 from linkwork.mechanism.joints import SLIDES
-from linkwork.mechanism.numbers import contents, located
+from linkwork.mechanism.mechanism import Mechanism
+from linkwork.mechanism.places import Where, contents, located
+from linkwork.mechanism.quantities import own_formulas
+from linkwork.mechanism.refusal import MechanismError, shown
 
 BRACKETS = re.compile(r"\[([^\]]*)\]")
 FOR_SLIDES = " for a slide"
@@ -20,6 +23,13 @@ def unit_of_parameter(mechanism: Mechanism, path: str) -> str:
         where, _ = located(mechanism, path)
     except LinkworkError:
         return ""
+    if where[0] == "let":
+        return next(iter(units_of_quantity(mechanism, where[1])), "")
+    return unit_at(mechanism, where)
+
+
+def unit_at(mechanism: Mechanism, where: Where) -> str:
+    """Return the unit of the number at a place, as its field states it."""
     item: object = mechanism
     told = ""
     for part in where:
@@ -29,6 +39,47 @@ def unit_of_parameter(mechanism: Mechanism, path: str) -> str:
             told = found[1] if found else ""
         item = contents(item)[part]
     return _chosen(told, _slides(mechanism, where))
+
+
+def units_of_quantity(mechanism: Mechanism, name: str) -> dict[str, str]:
+    """Return the units that a named quantity has where a number is a sum of multiples of it, each
+    with the path of such a number."""
+    found: dict[str, str] = {}
+    own = own_formulas(mechanism)
+    if name in own and formula.is_angle(formula.parsed(own[name])):
+        found["rad"] = f"let.{name}"
+    for path, text in mechanism.formulas.items():
+        if name in formula.multiples(formula.parsed(text)):
+            section, _, other = path.partition(".")
+            if section == "let":
+                found = units_of_quantity(mechanism, other) | found
+            elif unit := unit_at(mechanism, located(mechanism, path)[0]):
+                found.setdefault(unit, path)
+    return found
+
+
+def refuse_units(mechanism: Mechanism) -> None:
+    """Refuse formulas whose units do not fit their places, or each other.
+
+    Raises:
+        MechanismError: an angle in degrees where no angle stands, or a quantity that is a length in
+            one place and a mass, say, in another.
+    """
+    for path, text in mechanism.formulas.items():
+        where = located(mechanism, path)[0]
+        unit = "" if where[0] == "let" else unit_at(mechanism, where)
+        if formula.is_angle(formula.parsed(text)) and unit and "rad" not in unit.split(", "):
+            raise MechanismError(
+                f"{shown(text)} is an angle, and a number in {unit} stands here", where
+            )
+    for name in mechanism.let if mechanism.formulas else ():
+        units = units_of_quantity(mechanism, name)
+        if len(units) > 1:
+            (one, first), (two, second), *_ = units.items()
+            raise MechanismError(
+                f"is in {one} in {first} and in {two} in {second}; name two quantities",
+                ("let", name),
+            )
 
 
 def with_unit(mechanism: Mechanism, path: str, text: str) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
-from linkwork.mechanism.numbers import located
+from linkwork.mechanism.numbers import places_of
 from linkwork.model import task
 from linkwork.robot import Robot, State
 from linkwork.sweeps.study import Study, StudyError
@@ -33,7 +33,7 @@ def same_start(study: Study, robot: Robot) -> bool:
 def several_in_an_inertia(study: Study) -> bool:
     """Tell whether several elements of one inertia vary, so that each may be possible and all
     together not."""
-    places = [located(study.robot, path)[0] for path in study.paths]
+    places = [where for path in study.paths for where in places_of(study.robot, path)]
     bodies = [where[:2] for where in places if "inertia" in where]
     return len(set(bodies)) < len(bodies)
 

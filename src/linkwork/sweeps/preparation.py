@@ -16,7 +16,7 @@ from linkwork.control.described_drives import drive
 from linkwork.control.drives import Extra
 from linkwork.control.goals import target
 from linkwork.equations.algebra import wrapped
-from linkwork.mechanism.numbers import located
+from linkwork.mechanism.numbers import places_of
 from linkwork.model import task
 from linkwork.robot import Motion, Robot, State
 from linkwork.runs.quantities import QUANTITIES, Axis, axes_of, lacks
@@ -298,7 +298,8 @@ class Bench:
 
     def require_quantity(self, name: str, where: tuple[str, ...]) -> None:
         """Refuse a quantity that this study's runs do not have."""
-        geared = any("ratios" in located(self.study.robot, path)[0] for path in self.study.paths)
+        places = (where for path in self.study.paths for where in places_of(self.study.robot, path))
+        geared = any("ratios" in where for where in places)
         quantity, aimless = QUANTITIES[name], not self.study.controllers
         reason = (
             lacks(quantity, self._axes)

@@ -310,9 +310,16 @@ def derived(robot: Robot, symbols: SymbolsOf = "free") -> ClosedForms:
 
 
 def refuse_turns(robot: Robot) -> None:
-    """Refuse free rotations, which would make every direction a polynomial of its own."""
+    """Refuse free rotations, which would make every direction a polynomial of its own, and free
+    quantities, whose formulas stand for many numbers."""
     for path in robot.parameters:
-        if any(part in ("rotation", "turn") for part in located(robot.mechanism, path)[0][2:]):
+        where = located(robot.mechanism, path)[0]
+        if where[0] == "let":
+            raise LinkworkError(
+                f"{path!r} is a named quantity, and equations are printed of numbers that are free "
+                "themselves; free those, or use robot.functions()"
+            )
+        if any(part in ("rotation", "turn") for part in where[2:]):
             raise LinkworkError(
                 f"{path!r} turns a frame, and equations are printed of frames that stay as they "
                 "are; free positions, masses, inertias or gravity, or use robot.functions()"
