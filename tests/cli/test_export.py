@@ -7,6 +7,7 @@ import casadi as ca
 import pytest
 from typer.testing import CliRunner
 
+import linkwork as lw
 from linkwork.cli import app
 
 
@@ -50,6 +51,17 @@ def test_an_fmu_is_written_to_a_file(tmp_path):
     assert again.exit_code == 2 and "--overwrite to replace it" in again.stderr
 
 
+def test_drives_of_the_description_are_in_an_fmu_on_request(tmp_path):
+    robot = tmp_path / "driven.yaml"
+    lag = {"type": "lag", "time_constant": 0.1}
+    lw.Robot("prr3").mechanism.model_copy(update={"drives": {"slide_2": lag}}).save(robot)
+    words = "--to", "fmu", "--platforms", "none", "--drives", "--json"
+    result = call(robot, tmp_path / "driven.fmu", *words)
+    assert result.exit_code == 0, result.output
+    variables = json.loads(result.stdout)["variables"]
+    assert {"force.slide_1", "command.slide_2", "drive.slide_2.force"} <= {*variables}
+
+
 def test_functions_of_casadi(tmp_path):
     file = tmp_path / "prr3.casadi"
     words = "--functions", "gravity,closed", "--free", "gravity.y", "--json"
@@ -77,6 +89,8 @@ def test_functions_of_casadi(tmp_path):
         (("--out", "there"), "--out is of C; give it with --to c"),
         (("robot.yaml", "--to", "fmu"), "an FMU is written to a file"),
         (("robot.yaml", "--outputs", "rates"), "--outputs is of FMUs; give it with --to fmu"),
+        (("robot.fmu", "--to", "fmu", "--drives"), "the description gives no drives"),
+        (("robot.yaml", "--drives"), "--drives is of FMUs; give it with --to fmu"),
         (("--to", "casadi"), "name it behind the robot, FILE.casadi"),
         (("robot.yaml", "--to", "casadi"), "name it behind the robot, FILE.casadi"),
         (("f.casadi", "--to", "casadi", "--functions", "no"), "there is no function 'no'"),

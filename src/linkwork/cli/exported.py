@@ -27,6 +27,7 @@ PLAIN = {
     "fmi": "3.0",
     "outputs": None,
     "platforms": None,
+    "drives": False,
     "symbols": "free",
 }
 """What the options of some targets are left out as."""
@@ -122,6 +123,8 @@ def export_fmu(asked: Export) -> None:
         raise LinkworkError("an FMU is written to a file; name it behind the robot, FILE.fmu")
     refuse_existing(asked.file, asked.overwrite)
     robot = freed(asked)
+    if chosen["drives"] and not robot.mechanism.drives:
+        raise LinkworkError("--drives: the description gives no drives; leave the option out")
     platforms = [] if chosen["platforms"] == "none" else split(chosen["platforms"])
     with patience("writing the FMU"):
         written = fmu(
@@ -129,6 +132,7 @@ def export_fmu(asked: Export) -> None:
             chosen["fmi"],
             outputs=split(chosen["outputs"]),
             platforms=platforms,
+            drives=robot.drives if chosen["drives"] else None,
             name=chosen["name"],
         )
         file = written.write(asked.file)
@@ -207,7 +211,10 @@ TARGETS: Mapping[str, ExportTarget] = {
         export_c,
     ),
     "fmu": ExportTarget(
-        "FMUs", ".fmu", frozenset({"free", "name", "fmi", "outputs", "platforms"}), export_fmu
+        "FMUs",
+        ".fmu",
+        frozenset({"free", "name", "fmi", "outputs", "platforms", "drives"}),
+        export_fmu,
     ),
     "casadi": ExportTarget("CasADi", ".casadi", frozenset({"functions", "free"}), export_casadi),
     "latex": ExportTarget(

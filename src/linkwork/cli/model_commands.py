@@ -131,6 +131,10 @@ def export(
             "commas, or none; all that a compiler is found for if left out.",
         ),
     ] = None,
+    drives: Annotated[
+        bool,
+        typer.Option("--drives", help="FMU: its inputs are commands of the description's drives."),
+    ] = False,
     symbols: Annotated[
         SymbolsOf, typer.Option(help="Equations: symbols of free numbers, or of all.")
     ] = SymbolsOf.free,
@@ -150,7 +154,7 @@ def export(
     source = Source(robot, reference, floating, packages, merging, includes)
     chosen = {"out": out, "functions": functions, "precision": precision.value, "free": free}
     chosen |= {"sines": sines.value, "name": name, "misra": misra, "symbols": symbols.value}
-    chosen |= {"fmi": fmi.value, "outputs": outputs, "platforms": platforms}
+    chosen |= {"fmi": fmi.value, "outputs": outputs, "platforms": platforms, "drives": drives}
     export(to.value, Export(source, file, chosen, overwrite, json))
 
 

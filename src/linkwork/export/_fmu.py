@@ -11,9 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from linkwork import checks
+from linkwork.control.drives import Drive
 from linkwork.errors import LinkworkError
 from linkwork.export.fmi.binaries import PLATFORMS, binary, chosen
 from linkwork.export.fmi.description import Version, build_description, described, source_names
+from linkwork.export.fmi.driven import Driven
 from linkwork.export.fmi.source import TOKEN, abilities, sources
 from linkwork.export.fmi.variables import kinds_of, variables
 from linkwork.export.identifiers import given_prefix, named, prefix
@@ -82,12 +84,14 @@ def fmu(
     *,
     outputs: Sequence[str] | None = None,
     platforms: Sequence[str] | None = None,
+    drives: Mapping[str, Drive] | None = None,
     name: str | None = None,
 ) -> FmuExport:
     """Write a robot as a Functional Mock-up Unit, for model exchange and for co-simulation.
 
-    Inputs are the forces of the actuators; parameters are the robot's free numbers (tunable) and
-    where a motion begins; states are the coordinates and rates of the joints of the spanning tree.
+    Inputs are the forces of the actuators, or the commands of drives; parameters are the robot's
+    free numbers (tunable) and where a motion begins; states are the coordinates and rates of the
+    joints of the spanning tree, and those of drives.
 
     Args:
         robot: the robot; what is free of it (`Robot.free`) can be tuned.
@@ -98,14 +102,17 @@ def fmu(
             loops); positions, rates, tool and closure if left out.
         platforms: that binaries are built for: some of "x86_64-linux", "aarch64-linux",
             "x86_64-windows"; all that a compiler is found for if left out. () gives sources alone.
+        drives: by actuator, as for `Robot.simulate`: part of the FMU, whose inputs are their
+            commands; `robot.drives` are those of the description.
         name: the model identifier; made of the robot's name if left out.
 
     Returns:
         An `FmuExport`: `write(file)`, and `notes` on what was left out.
 
     Raises:
-        LinkworkError: a robot with friction that sticks by bristles or of bearings, an output
-            that it cannot tell, a platform without a compiler, or another choice that there is not.
+        LinkworkError: a robot with friction that sticks by bristles or of bearings, an output that
+            it cannot tell, a drive that reads turns which it does not know, a platform without a
+            compiler, or another choice that there is not.
     """
     if not isinstance(robot, Robot):
         raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
@@ -116,9 +123,10 @@ def fmu(
     compilers, notes = chosen(platforms)
     # What it is made of, with a token of all of it.
     with announced(f"writing the equations of {robot.mechanism.name} for an FMU"):
-        can = abilities(robot)
-        known = variables(robot, kinds, can.by_tree, can.by_tool)
-        written = sources(robot, version, known, can, kinds)
+        driven = Driven.of(robot, drives)
+        can = abilities(driven)
+        known = variables(driven, kinds, can.by_tree, can.by_tool)
+        written = sources(driven, version, known, can, kinds)
     texts = {named(path, own): named(text, own) for path, text in written.items()}
     whole = described(robot, own, TOKEN, version, known).decode() + "".join(texts.values())
     token = guid(whole)
@@ -133,7 +141,8 @@ def fmu(
         files["sources/buildDescription.xml"] = build_description(own)
     files |= {f"sources/{path}": text.encode() for path, text in texts.items()}
     notes += [*can.notes, *known.notes]
-    notes += [*drives_left_out(robot, "the FMU", "its inputs"), *wrapped(robot, kinds)]
+    notes += [] if drives else drives_left_out(robot, "the FMU", "its inputs")
+    notes += wrapped(robot, kinds)
     return FmuExport(
         own, version, files, tuple(each.name for each in known.all), tuple(compilers), tuple(notes)
     )

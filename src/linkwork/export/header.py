@@ -94,7 +94,7 @@ def header_text(
     )
     calls = list(calls)
     if any(each.kind == "state" for call in calls for each in call.arguments):
-        parts.append(STATE)
+        parts.append(STATE if "Z" in layouts else STATE.replace(DRIVE_STATES, ""))
     for call in calls:
         parts.append(call_text(call, layouts, bool(parameters)))
     return "\n".join([*parts, CLOSING])
@@ -139,11 +139,13 @@ typedef struct lw_state {
     lw_real t; /* time [s] */
     lw_real q[LW_Q]; /* configuration */
     lw_real w[LW_W]; /* rates of the joints of the spanning tree, all of them */
+    lw_real z[LW_Z]; /* states of drives */
     lw_real next; /* length of the step that lw_step tries next [s]; 0: it finds one */
     int own; /* whether the last step was made in the robot's own independent rates */
     int changes; /* how often the independent rates were changed */
 } lw_state;
 """
+DRIVE_STATES = "    lw_real z[LW_Z]; /* states of drives */\n"
 
 
 def status_text() -> str:

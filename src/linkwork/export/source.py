@@ -55,7 +55,8 @@ def source_text(
     programs: by name; fields: of the free numbers, by path; more: C that follows
     """
     # The functions, what they share, and the programs.
-    given = words(robot, bool(fields))
+    states = len(layouts["Z"]) if "Z" in layouts else 0
+    given = words(robot, bool(fields), states)
     wanted = {each for call in calls for each in NEEDS.get(call.body or "", ())}
     if robot.mobility == robot.equations.nv:
         wanted -= {"other_charts.c"}
@@ -69,7 +70,7 @@ def source_text(
     # What they use of small functions, constants and tables.
     helpers = re.split(r"\n(?=static )", filled("helpers.c", dialect))
     small = used([*OWN, *helpers], body)
-    constants = [*numbers(robot, dialect), *tables(robot, dialect)]
+    constants = [*numbers(robot, dialect), *tables(robot, dialect, states)]
     values = [robot.parameters[path] for path in fields]
     parts = [
         about(robot, notes),
@@ -84,8 +85,9 @@ def source_text(
     return "\n".join([*parts, body])
 
 
-def words(robot: Robot, free: bool) -> dict[str, str]:
-    """Return what stands in place of words in the pieces of C."""
+def words(robot: Robot, free: bool, states: int = 0) -> dict[str, str]:
+    """Return what stands in place of words in the pieces of C; states: number of those of
+    drives."""
     rows, errors = DORMAND_PRINCE.a[1:, :-1].tolist(), DORMAND_PRINCE.e.tolist()
     nothing = "(void)state;" + " (void)p;" * free
     loops = robot.mobility < robot.equations.nv
@@ -96,6 +98,23 @@ def words(robot: Robot, free: bool) -> dict[str, str]:
         "NOTHING_OF_STATE": "" if loops else nothing,
         "WEIGHTS": ", ".join("{" + ", ".join(map(weight, row)) + "}" for row in rows),
         "ERRORS": ", ".join(map(weight, errors)),
+    } | words_of_drives(loops, states)
+
+
+def words_of_drives(loops: bool, states: int) -> dict[str, str]:
+    """Return the words for states of drives, z, behind q and v."""
+    rates = "lw_w_units[chart->independent[i - LW_Q]]"
+    more = f"i < LW_Q + LW_V ? {rates} : lw_z_units[i - LW_Q - LW_V]" if states else rates
+    some = bool(states)
+    return {
+        "DRIVEN": "" if some else "//",
+        "UNDRIVEN": "//" if some else "",
+        "OTHERDRIVEN": "" if some and loops else "//",
+        "GIVEN": "given" if some else "u",
+        "PLUS_Z": "+ LW_Z" * some,
+        "UNIT_OF_STATE": f"i < LW_Q ? lw_q_units[i] : {more}",
+        **{f"WITH_{name}": f", {name.lower()}" * some for name in ("DZ", "TDZ")},
+        **{f"TAKING_{name}": f", lw_real *{name.lower()}" * some for name in ("DZ", "TDZ")},
     }
 
 
@@ -128,8 +147,8 @@ def numbers(robot: Robot, dialect: Dialect) -> list[str]:
     ]
 
 
-def tables(robot: Robot, dialect: Dialect) -> list[str]:
-    """Return the constant arrays by name."""
+def tables(robot: Robot, dialect: Dialect, states: int = 0) -> list[str]:
+    """Return the constant arrays by name; states: number of those of drives."""
     tree, (columns, rows) = robot.equations.tree, robot.equations.sizes
     places = {tree.rates[k]: place for place, k in tree.single}
     integers = {
@@ -142,6 +161,8 @@ def tables(robot: Robot, dialect: Dialect) -> list[str]:
         "q_units[LW_Q]": tree.units,
         "w_units[LW_W]": tree.rate_units,
     }
+    if states:
+        reals["z_units[LW_Z]"] = np.ones(states)
     return [
         *(
             f"static const int lw_{name} = {{{', '.join(map(str, each))}}};\n"

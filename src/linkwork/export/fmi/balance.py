@@ -21,6 +21,7 @@ from linkwork.equations.algebra import SX
 from linkwork.equations.functions import function
 from linkwork.equations.reactions import joint_loads
 from linkwork.export.calls import PartProgram
+from linkwork.export.fmi.driven import Driven
 from linkwork.export.fmi.programs import Seeds, along, free_motion
 from linkwork.export.joint_wrenches import about_first, scaled_loads, system, units
 from linkwork.model.reactions import spread
@@ -29,21 +30,26 @@ from linkwork.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class JointBalance:
-    """Hold the equations of the wrenches in a robot's joints."""
+    """Hold the equations of the wrenches in a robot's joints, with what its drives do."""
 
-    robot: Robot
+    driven: Driven
+
+    @property
+    def robot(self) -> Robot:
+        return self.driven.robot
 
     @cached_property
     def motion(self) -> tuple[Equations, ca.SX, ca.SX]:
         """Equations in which all rates of the tree are independent, and symbols of w' and u."""
-        return *free_motion(self.robot), SX.sym("u", len(self.robot.actuators))
+        return *free_motion(self.robot), self.driven.symbol()
 
     @cached_property
     def parts(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """K, r and B."""
         free, dw, u = self.motion
+        forces, _ = self.driven.acting(free, u)
         still = SX.zeros(6 * len(self.robot.bodies))
-        *loads, _ = joint_loads(free)(free.tree.q, free.v, dw, u, SX(0, 1), still, free.p)
+        *loads, _ = joint_loads(free)(free.tree.q, free.v, dw, forces, SX(0, 1), still, free.p)
         length, joints = spread(self.robot), len(free.mechanism.pairs)
         E, K, right = system(free, scaled_loads(free, loads, length), ())
         unit = ca.diagcat(SX(0, 0), *[ca.diag(units(length))] * joints)
@@ -78,7 +84,7 @@ class JointBalance:
     def change(self, robot: Robot) -> ca.Function:
         """Return (q, w, w', u, x, tq, tw, tw', su, sp) -> tr - tK x, and tB x."""
         free, dw, u = self.motion
-        x, tdw, seeds = SX.sym("x", self.size), SX.sym("tdw", free.nv), Seeds.of(free)
+        x, tdw, seeds = SX.sym("x", self.size), SX.sym("tdw", free.nv), Seeds.of(free, u.numel())
         K, right, B = self.parts
         pairs = [(free.tree.q, seeds.q), (free.v, seeds.w), (dw, tdw), (u, seeds.u)]
         pairs.append((free.p, seeds.p))

@@ -28,6 +28,7 @@ from linkwork.equations.joint_map import derivative
 from linkwork.equations.tree import Tree
 from linkwork.export import expressions
 from linkwork.export.calls import PartProgram
+from linkwork.export.fmi.driven import Driven
 from linkwork.robot import Robot
 
 
@@ -41,13 +42,13 @@ class Seeds:
     p: ca.SX
 
     @classmethod
-    def of(cls, equations: Equations) -> Seeds:
-        """Return seeds of all that an FMU is given."""
+    def of(cls, equations: Equations, inputs: int = 0) -> Seeds:
+        """Return seeds of all that an FMU is given; inputs: size of u, where it counts."""
         tree = equations.tree
         return cls(
             SX.sym("sq", tree.q.numel()),
             SX.sym("sw", len(tree.rates)),
-            SX.sym("su", len(equations.mechanism.actuators)),
+            SX.sym("su", inputs),
             SX.sym("sp", equations.p.numel()),
         )
 
@@ -67,31 +68,60 @@ def rates_of(tree: Tree, sq: ca.SX) -> ca.SX:
     return ca.densify(found)
 
 
-def own_motion(robot: Robot) -> ca.Function:
-    """Return (q, v, u) -> q', w, w', pivot in the robot's own chart."""
-    equations, u = robot.equations, SX.sym("u", len(robot.actuators))
-    outputs = whole_motion(equations, u) | {"pivot": equations.elimination.pivot}
+def motion(driven: Driven) -> ca.Function:
+    """Return (q, v, u) -> q', v', z', pivot in the robot's own chart; z' where drives have
+    states."""
+    equations, u = driven.robot.equations, driven.symbol()
+    forces, dz = driven.acting(equations, u)
+    outputs = {
+        "dq": equations.tree.derivatives(equations.rates),
+        "dv": equations.accelerations(ca.mtimes(equations.actuation.T, forces)),
+        **({"dz": dz} if driven.states else {}),
+        "pivot": equations.elimination.pivot,
+    }
+    return function("motion", equations, outputs, v=equations.v, u=u)
+
+
+def free_forces(driven: Driven) -> ca.Function:
+    """Return what `expressions.free_forces` gives of (q, w, u), and z' where drives
+    have states."""
+    free, u = uncharted.uncharted(driven.robot.equations), driven.symbol()
+    forces, dz = driven.acting(free, u)
+    outputs = uncharted.balance(free, ca.mtimes(free.actuation.T, forces))
+    outputs |= {"dz": dz} if driven.states else {}
+    return function("free_forces", free, outputs, v=free.v, u=u)
+
+
+def own_motion(driven: Driven) -> ca.Function:
+    """Return (q, v, u) -> q', w, w', z', pivot in the robot's own chart; z' where drives have
+    states."""
+    equations, u = driven.robot.equations, driven.symbol()
+    outputs = whole_motion(driven, u) | {"pivot": equations.elimination.pivot}
     return function("own_motion", equations, outputs, v=equations.v, u=u)
 
 
-def whole_motion(equations: Equations, u: ca.SX) -> dict[str, ca.SX]:
-    """Return q', w and w' of closed loops."""
+def whole_motion(driven: Driven, u: ca.SX) -> dict[str, ca.SX]:
+    """Return q', w and w' of closed loops, and z' where drives have states."""
+    equations = driven.robot.equations
     L, b, _ = equations.elimination
-    dv = equations.accelerations(ca.mtimes(equations.actuation.T, u))
-    return {
+    forces, dz = driven.acting(equations, u)
+    dv = equations.accelerations(ca.mtimes(equations.actuation.T, forces))
+    found = {
         "dq": equations.tree.derivatives(equations.rates),
         "w": equations.rates,
         "dw": ca.mtimes(L, dv) + b,
     }
+    return found | ({"dz": dz} if driven.states else {})
 
 
-def own_tangent(robot: Robot) -> ca.Function:
-    """Return (q, v, u, sq, sw, su, sp) -> tq, tq', tw, tw' of closed loops, in the own chart.
+def own_tangent(driven: Driven) -> ca.Function:
+    """Return (q, v, u, sq, sw, su, sp) -> tq, tq', tw, tw' of closed loops, in the own chart, and
+    tz' where drives have states.
 
     The loops close with the independent coordinates:  Phi t + phi_p sp = 0,  tq = N t.
     """
-    equations, u = robot.equations, SX.sym("u", len(robot.actuators))
-    tree, seeds = equations.tree, Seeds.of(equations)
+    equations, u = driven.robot.equations, driven.symbol()
+    tree, seeds = equations.tree, Seeds.of(equations, u.numel())
     independent = list(equations.chart.independent)
     opened = along(equations.rows.phi, [(equations.p, seeds.p)])
     step, _ = solve(equations.chart, equations.rows.Phi, -opened)
@@ -104,7 +134,7 @@ def own_tangent(robot: Robot) -> ca.Function:
         (u, seeds.u),
         (equations.p, seeds.p),
     ]
-    found = whole_motion(equations, u)
+    found = whole_motion(driven, u)
     outputs = {"tq": tq} | {f"t{name}": along(each, pairs) for name, each in found.items()}
     own = {"v": equations.v, "u": u}
     return function("own_tangent", equations, outputs, **own, **with_names(seeds))
@@ -136,14 +166,14 @@ def free_turned(robot: Robot) -> ca.Function:
     return function("free_turned", equations, outputs, w=w, t=t, sp=sp)
 
 
-def free_tangent(robot: Robot) -> ca.Function:
+def free_tangent(driven: Driven) -> ca.Function:
     """Return (q, w, u, w', lambda, tq, tw, su, sp) -> tq', and how  H w' + Phi' lambda - f  and
-    Phi w' + gamma  change with w' and lambda as they are."""
-    free = uncharted.uncharted(robot.equations)
-    tree, rows, seeds = free.tree, free.rows, Seeds.of(free)
-    u, dw = SX.sym("u", len(robot.actuators)), SX.sym("dw", free.nv)
-    multipliers = SX.sym("lambda", len(rows.names))
-    told = uncharted.balance(free, ca.mtimes(free.actuation.T, u))
+    Phi w' + gamma  change with w' and lambda as they are, and tz' where drives have states."""
+    free, u = uncharted.uncharted(driven.robot.equations), driven.symbol()
+    tree, rows, seeds = free.tree, free.rows, Seeds.of(free, u.numel())
+    dw, multipliers = SX.sym("dw", free.nv), SX.sym("lambda", len(rows.names))
+    forces, dz = driven.acting(free, u)
+    told = uncharted.balance(free, ca.mtimes(free.actuation.T, forces))
     unbalanced = ca.mtimes(told["H"], dw) + ca.mtimes(rows.Phi.T, multipliers) - told["forces"]
     turned = ca.mtimes(rows.Phi, dw) + told["gamma"]
     pairs = [(tree.q, seeds.q), (free.v, seeds.w), (u, seeds.u), (free.p, seeds.p)]
@@ -151,7 +181,7 @@ def free_tangent(robot: Robot) -> ca.Function:
         "tdq": along(told["derivatives"], pairs),
         "unbalanced": along(unbalanced, pairs),
         "turned": along(turned, pairs),
-    }
+    } | ({"tdz": along(dz, pairs)} if driven.states else {})
     given = {"w": free.v, "u": u, "dw": dw, "lambda": multipliers}
     return function("free_tangent", free, outputs, **given, **with_names(seeds))
 
@@ -208,13 +238,35 @@ def gap_tangent(robot: Robot) -> ca.Function:
     return function("gap_tangent", equations, outputs, sq=seeds.q, sp=seeds.p)
 
 
-def programs(robot: Robot, kinds: Sequence[str]) -> Mapping[str, PartProgram]:
-    """Return the programs that an FMU has beside those of the functions it calls."""
-    seeds = "sq", "sw", "su", "sp"
+def stepping_programs(driven: Driven) -> Mapping[str, PartProgram]:
+    """Return the programs of motions in which drives act, in place of those of exported C."""
+    if not driven.drives:
+        return {}
+    dz = ("dz",) * bool(driven.states)
     found = {
-        "own_motion": PartProgram(own_motion, ("q", "v", "u"), ("dq", "w", "dw", "pivot")),
+        "motion": PartProgram(
+            lambda _: motion(driven), ("q", "v", "u"), ("dq", "dv", *dz, "pivot")
+        ),
+        "free_forces": PartProgram(
+            lambda _: free_forces(driven), ("q", "w", "u"), ("dq", "H", "forces", "gamma", *dz)
+        ),
+    }
+    closed = driven.robot.mobility < driven.robot.equations.nv
+    return found if closed else {"motion": found["motion"]}
+
+
+def programs(driven: Driven, kinds: Sequence[str]) -> Mapping[str, PartProgram]:
+    """Return the programs that an FMU has beside those of the functions it calls."""
+    robot, seeds = driven.robot, ("sq", "sw", "su", "sp")
+    dz, tdz = (("dz",), ("tdz",)) if driven.states else ((), ())
+    found = {
+        "own_motion": PartProgram(
+            lambda _: own_motion(driven), ("q", "v", "u"), ("dq", "w", "dw", *dz, "pivot")
+        ),
         "own_tangent": PartProgram(
-            own_tangent, ("q", "v", "u", *seeds), ("tq", "tdq", "tw", "tdw")
+            lambda _: own_tangent(driven),
+            ("q", "v", "u", *seeds),
+            ("tq", "tdq", "tw", "tdw", *tdz),
         ),
         "telling": PartProgram(lambda robot: telling(robot, kinds), ("q", "w", "dw"), ("told",)),
         "telling_tangent": PartProgram(
@@ -231,5 +283,7 @@ def programs(robot: Robot, kinds: Sequence[str]) -> Mapping[str, PartProgram]:
     return found | {
         "free_opened": PartProgram(free_opened, ("q", "sq", "sp"), ("t", "opened")),
         "free_turned": PartProgram(free_turned, ("q", "w", "t", "sp"), ("tq", "turned")),
-        "free_tangent": PartProgram(free_tangent, balanced, ("tdq", "unbalanced", "turned")),
+        "free_tangent": PartProgram(
+            lambda _: free_tangent(driven), balanced, ("tdq", "unbalanced", "turned", *tdz)
+        ),
     }

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from linkwork.errors import LinkworkError
 from linkwork.export.calls import CALLS, Call, needed_programs
 from linkwork.export.fmi.balance import JointBalance
-from linkwork.export.fmi.programs import programs
-from linkwork.export.fmi.variables import FmuVariables
+from linkwork.export.fmi.driven import Driven
+from linkwork.export.fmi.programs import programs, stepping_programs
+from linkwork.export.fmi.variables import FmuVariables, fmu_layouts
 from linkwork.export.header import STATUS, header_text, safe
 from linkwork.export.identifiers import identifiers
-from linkwork.export.layout import layouts
 from linkwork.export.source import listed, source_text, words
 from linkwork.export.statements import Dialect
 from linkwork.export.templates import filled
@@ -44,14 +44,16 @@ class Abilities:
     notes: tuple[str, ...]
 
 
-def abilities(robot: Robot) -> Abilities:
+def abilities(driven: Driven) -> Abilities:
     """Return what an FMU of a robot can do; refuse what cannot move over time."""
+    robot = driven.robot
     require_smooth_friction(robot)
-    found: dict[str, Program] = {}
+    own, free = stepping_programs(driven), bool(robot.parameters)
+    found = {name: part.program(robot, free) for name, part in own.items()}
     calls, notes = [], []
     for name in ("kinematics", "tool_to_joints", "project", "start", "step"):
         try:
-            found |= needed_programs(robot, CALLS[name], bool(robot.parameters), found)
+            found |= needed_programs(robot, CALLS[name], free, found)
         except LinkworkError as error:
             if name not in ("kinematics", "tool_to_joints"):
                 raise
@@ -81,22 +83,23 @@ def require_smooth_friction(robot: Robot) -> None:
 
 
 def sources(
-    robot: Robot, version: str, known: FmuVariables, can: Abilities, kinds: Sequence[str]
+    driven: Driven, version: str, known: FmuVariables, can: Abilities, kinds: Sequence[str]
 ) -> dict[str, str]:
     """Return the sources by their names, with lw for the prefix; the token stands for itself.
 
     kinds: of outputs
     """
     # The programs of the model, and those of the balance of the joints.
+    robot = driven.robot
     free, closed = bool(robot.parameters), robot.mobility < robot.equations.nv
-    arrays, fields = layouts(robot), identifiers(robot.parameters)
-    balance = JointBalance(robot) if "reactions" in kinds else None
-    parts = {**programs(robot, kinds), **(balance.programs if balance else {})}
+    arrays, fields = fmu_layouts(driven), identifiers(robot.parameters)
+    balance = JointBalance(driven) if "reactions" in kinds else None
+    parts = {**programs(driven, kinds), **(balance.programs if balance else {})}
     own = {name: part.program(robot, free) for name, part in parts.items()}
     rows, columns = balance.places if balance else ([], [])
     # What stands in place of words in the pieces of C.
     numbers = [each for each in known.all if each.role != "switch"]
-    given = words(robot, free) | {
+    given = words(robot, free, len(driven.states)) | {
         "WITHFREE": "" if free else "//",
         "BYTOOL": "" if can.by_tool else "//",
         "BYJOINTS": "//" if can.by_tree else "",

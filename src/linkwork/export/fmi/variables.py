@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
+from linkwork.export.fmi.driven import Driven
 from linkwork.export.identifiers import identifier
 from linkwork.export.layout import ArrayLayout, layouts
 from linkwork.mechanism.joints import TURN
@@ -79,13 +80,31 @@ class FmuVariables:
         return [(k, each) for k, each in enumerate(self.all) if each.role == role]
 
 
-def variables(robot: Robot, kinds: Sequence[str], by_tree: bool, by_tool: bool) -> FmuVariables:
+def fmu_layouts(driven: Driven) -> Mapping[str, ArrayLayout]:
+    """Return the arrays of a robot, with commands for the forces of actuators that are driven, and
+    the states of drives."""
+    robot = driven.robot
+    arrays = dict(layouts(robot))
+    if driven.drives:
+        numbers = tuple(
+            (name, driven.unit(name, driven.drives[name].unit) if name in driven.drives else unit)
+            for name, unit in arrays["U"].numbers
+        )
+        arrays["U"] = ArrayLayout("U", "commands of drives, forces of other actuators", numbers)
+    if driven.states:
+        states = tuple((each.name, each.unit) for each in driven.states)
+        arrays["Z"] = ArrayLayout("Z", "states of drives", states)
+    return arrays
+
+
+def variables(driven: Driven, kinds: Sequence[str], by_tree: bool, by_tool: bool) -> FmuVariables:
     """Return the variables of a robot.
 
     by_tree: whether it starts from all coordinates of the tree, else from the independent ones;
     by_tool: whether it can start from the tool's coordinates, too
     """
-    arrays, own = layouts(robot), StructuredNames()
+    robot = driven.robot
+    arrays, own = fmu_layouts(driven), StructuredNames()
     tree, home = robot.equations.tree, robot.home
     at = dict(zip(tree.coordinates, home.q.tolist(), strict=True))
     groups: dict[str, list[FmuVariable]] = {"TIME": [FmuVariable("time", "time", "s", "time")]}
@@ -96,8 +115,16 @@ def variables(robot: Robot, kinds: Sequence[str], by_tree: bool, by_tool: bool) 
             for name, unit in layout.numbers
         ]
 
-    # What is given: forces, free numbers, and where a motion begins.
-    group("U", "input", "force", arrays["U"], start=0.0)
+    # What is given: forces and commands, free numbers, and where a motion begins.
+    groups["U"] = [
+        FmuVariable(own.name(said, name), "input", unit, f"{about}: {name}", 0.0)
+        for name, unit in arrays["U"].numbers
+        for said, about in [
+            ("command", "command of the drive")
+            if name in driven.drives
+            else ("force", "forces and torques of the actuators")
+        ]
+    ]
     groups["P"] = [
         FmuVariable(
             own.name("parameter", path),
@@ -114,6 +141,16 @@ def variables(robot: Robot, kinds: Sequence[str], by_tree: bool, by_tool: bool) 
         for name, unit in begin.numbers
     ]
     group("START_RATES", "start", "start_rate", arrays["V"], start=0.0)
+    groups["START_DRIVES"] = [
+        FmuVariable(
+            own.name("start", each.name),
+            "start",
+            each.unit,
+            f"at the start: {each.name}",
+            each.initial,
+        )
+        for each in driven.states
+    ]
     groups["START_TOOL"] = []
     if by_tool:
         there = values(robot, home.q, task_of(robot)).tolist()
@@ -124,9 +161,10 @@ def variables(robot: Robot, kinds: Sequence[str], by_tree: bool, by_tool: bool) 
             for (name, unit), x in zip(arrays["X"].numbers, there, strict=True)
         ]
     # The states, their derivatives, and what is told.
-    for symbol, place in (("q", "Q"), ("w", "W")):
+    charted = [("q", "Q"), ("w", "W"), *[("drive", "Z")] * bool(driven.states)]
+    for symbol, place in charted:
         group(place, "state", symbol, arrays[place])
-    for place in ("Q", "W"):
+    for _, place in charted:
         groups[f"D{place}"] = [
             FmuVariable(
                 f"der({state.name})",
@@ -134,7 +172,7 @@ def variables(robot: Robot, kinds: Sequence[str], by_tree: bool, by_tool: bool) 
                 per_second(state.unit),
                 f"derivative of {state.name}",
                 of=state.name,
-                direct=place == "W",
+                direct=place != "Q",
             )
             for state in groups[place]
         ]
@@ -215,7 +253,7 @@ def kinds_of(robot: Robot, asked: Sequence[str] | None) -> tuple[str, ...]:
 
 def per_second(unit: str) -> str:
     """Return the unit of a derivative."""
-    return {"m": "m/s", "rad": "rad/s", "1": "1/s", "m/s": "m/s2", "rad/s": "rad/s2"}[unit]
+    return {"m/s": "m/s2", "rad/s": "rad/s2"}.get(unit, f"{unit}/s")
 
 
 class StructuredNames:

@@ -1,6 +1,6 @@
 /* What is integrated: y = (q, v), with the rates v that are independent in a chart: the robot's own
    ones, or others where these hardly determine the motion. */
-#define LW_Y (LW_Q + LW_V)
+#define LW_Y (LW_Q + LW_V PLUS_Z)
 
 typedef struct lw_chart {
     int own;
@@ -16,3 +16,10 @@ static void lw_own_chart(lw_chart *chart)
         chart->independent[k] = lw_v_places[k];
     }
 }
+DRIVEN
+DRIVEN /* What programs take as u: the commands, and the states of drives. */
+DRIVEN static void lw_join(const lw_real *commands, const lw_real *z, lw_real *u)
+DRIVEN {
+DRIVEN    lw_copy(LW_U, commands, u);
+DRIVEN    lw_copy(LW_Z, z, u + LW_U);
+DRIVEN }

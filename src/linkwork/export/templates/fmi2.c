@@ -290,7 +290,7 @@ LW_EXPORTED fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x
 LW_EXPORTED fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t nx)
 {
     LW_CALLED(LW_SEEN, "fmi2GetDerivatives");
-    return (fmi2Status)lw_get_part(own, LW_AT_DQ, LW_Q + LW_W, derivatives, nx);
+    return (fmi2Status)lw_get_part(own, LW_AT_DQ, LW_STATES, derivatives, nx);
 }
 
 LW_EXPORTED fmi2Status fmi2GetEventIndicators(
@@ -303,7 +303,7 @@ LW_EXPORTED fmi2Status fmi2GetEventIndicators(
 LW_EXPORTED fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t nx)
 {
     LW_CALLED(LW_SEEN, "fmi2GetContinuousStates");
-    return (fmi2Status)lw_get_part(own, LW_AT_Q, LW_Q + LW_W, x, nx);
+    return (fmi2Status)lw_get_part(own, LW_AT_Q, LW_STATES, x, nx);
 }
 
 LW_EXPORTED fmi2Status fmi2GetNominalsOfContinuousStates(

@@ -372,7 +372,7 @@ LW_EXPORTED fmi3Status fmi3GetContinuousStateDerivatives(
 {
     LW_CALLED(LW_SEEN, "fmi3GetContinuousStateDerivatives");
     return (fmi3Status)lw_get_part(
-        own, LW_AT_DQ, LW_Q + LW_W, derivatives, nContinuousStates);
+        own, LW_AT_DQ, LW_STATES, derivatives, nContinuousStates);
 }
 
 LW_EXPORTED fmi3Status fmi3GetEventIndicators(
@@ -387,7 +387,7 @@ LW_EXPORTED fmi3Status fmi3GetContinuousStates(
 {
     LW_CALLED(LW_SEEN, "fmi3GetContinuousStates");
     return (fmi3Status)lw_get_part(
-        own, LW_AT_Q, LW_Q + LW_W, continuousStates, nContinuousStates);
+        own, LW_AT_Q, LW_STATES, continuousStates, nContinuousStates);
 }
 
 LW_EXPORTED fmi3Status fmi3GetNominalsOfContinuousStates(
@@ -409,7 +409,7 @@ LW_EXPORTED fmi3Status fmi3GetNumberOfContinuousStates(
     fmi3Instance instance, size_t *nContinuousStates)
 {
     LW_CALLED(LW_ANY, "fmi3GetNumberOfContinuousStates");
-    *nContinuousStates = LW_Q + LW_W;
+    *nContinuousStates = LW_STATES;
     return fmi3OK;
 }
 

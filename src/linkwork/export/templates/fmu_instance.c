@@ -290,7 +290,7 @@ int lw_set_time(lw_instance *instance, double time)
 int lw_set_states(lw_instance *instance, const double *states, size_t count)
 {
     size_t k;
-    if (!lw_has_size(instance, count, LW_Q + LW_W)) {
+    if (!lw_has_size(instance, count, LW_STATES)) {
         return LW_FMI_ERROR;
     }
     for (k = 0; k < count; ++k) {
@@ -317,7 +317,7 @@ int lw_get_part(lw_instance *instance, int first, int size, double *values, size
 
 int lw_get_nominals(lw_instance *instance, double *values, size_t count)
 {
-    if (!lw_has_size(instance, count, LW_Q + LW_W)) {
+    if (!lw_has_size(instance, count, LW_STATES)) {
         return LW_FMI_ERROR;
     }
     lw_model_nominals(values);

@@ -34,6 +34,7 @@ BYTREE         status = lw_project(q WITH_P, &gap);
     if (status == LW_OK) {
         lw_copy(LW_Q, state.q, values + LW_AT_Q);
         lw_copy(LW_W, state.w, values + LW_AT_W);
+DRIVEN        lw_copy(LW_Z, values + LW_AT_START_DRIVES, values + LW_AT_Z);
         lw_own_chart(&chart);
         lw_choose(&chart, &model->kept);
         model->next = 0;
@@ -51,17 +52,20 @@ static lw_status lw_closed_motion(
     lw_real farthest TAKING_P,
     lw_state *closed,
     lw_real *dq,
-    lw_real *dw)
+    lw_real *dw TAKING_DZ)
 {
     lw_real y[LW_Y], w[LW_W], pivot[1] = {1};
     const lw_real *u = values + LW_AT_U;
+DRIVEN    lw_real given[LW_U + LW_Z];
     lw_status status;
     int k;
+DRIVEN    lw_join(u, values + LW_AT_Z, given);
     lw_copy(LW_Q, values + LW_AT_Q, closed->q);
     lw_copy(LW_W, values + LW_AT_W, closed->w);
     closed->t = closed->next = 0;
     closed->own = chart->own;
     closed->changes = 0;
+DRIVEN    lw_copy(LW_Z, values + LW_AT_Z, closed->z);
     if (!lw_finite(closed->q, LW_Q) || !lw_finite(closed->w, LW_W)) {
         return LW_NOT_FINITE;
     }
@@ -78,17 +82,21 @@ static lw_status lw_closed_motion(
     }
     lw_leave(chart, closed, y);
     if (chart->own) {
-        lw_own_motion_code(y, y + LW_Q, u WITH_P, dq, w, dw, pivot);
+        lw_own_motion_code(y, y + LW_Q, GIVEN WITH_P, dq, w, dw WITH_DZ, pivot);
         status = fabs(pivot[0]) > LW_WEAK ? LW_OK : LW_SINGULAR;
     }
 OTHERWISE    else {
 OTHERWISE        lw_real dy[LW_Y];
-OTHERWISE        status = lw_other_slope(chart, y, u WITH_P, dy, dw);
+OTHERWISE        status = lw_other_slope(chart, y, GIVEN WITH_P, dy, dw);
 OTHERWISE        lw_copy(LW_Q, dy, dq);
+OTHERDRIVEN        lw_copy(LW_Z, dy + LW_Q + LW_V, dz);
 OTHERWISE    }
     if (status == LW_OK && (!lw_finite(dq, LW_Q) || !lw_finite(dw, LW_W))) {
         status = LW_NOT_FINITE;
     }
+DRIVEN    if (status == LW_OK && !lw_finite(dz, LW_Z)) {
+DRIVEN        status = LW_NOT_FINITE;
+DRIVEN    }
     (void)w;
     return status;
 }
@@ -96,6 +104,7 @@ OTHERWISE    }
 lw_status lw_model_evaluate(lw_model *model)
 {
     lw_real *values = model->values, *dq = values + LW_AT_DQ, *dw = values + LW_AT_DW;
+DRIVEN    lw_real *dz = values + LW_AT_DZ;
     const lw_real farthest = model->moved ? LW_LONGEST : LW_FARTHEST;
     lw_chart chart;
     lw_state closed;
@@ -106,13 +115,13 @@ WITHFREE    const lw_parameters given = lw_given(values), *p = &given;
         return LW_OK;
     }
     lw_chosen(&model->kept, &chart);
-    status = lw_closed_motion(&chart, values, farthest WITH_P, &closed, dq, dw);
+    status = lw_closed_motion(&chart, values, farthest WITH_P, &closed, dq, dw WITH_DZ);
 OTHERWISE    if (status == LW_SINGULAR || status == LW_NOT_CLOSED) {
 OTHERWISE        if (!lw_best_chart(values + LW_AT_Q WITH_P, &chart)) {
 OTHERWISE            return status;
 OTHERWISE        }
 OTHERWISE        is_kept = 0;
-OTHERWISE        status = lw_closed_motion(&chart, values, farthest WITH_P, &closed, dq, dw);
+OTHERWISE        status = lw_closed_motion(&chart, values, farthest WITH_P, &closed, dq, dw WITH_DZ);
 OTHERWISE    }
     if (status != LW_OK) {
         return status;
@@ -177,6 +186,7 @@ WITHFREE    const lw_parameters given = lw_given(values), *p = &given;
     }
     lw_copy(LW_Q, model->closed_q, state.q);
     lw_copy(LW_W, model->closed_w, state.w);
+DRIVEN    lw_copy(LW_Z, values + LW_AT_Z, state.z);
     state.t = values[LW_AT_TIME];
     state.next = model->next;
     state.own = model->kept.own;
@@ -186,6 +196,7 @@ WITHFREE    const lw_parameters given = lw_given(values), *p = &given;
     values[LW_AT_TIME] = state.t;
     lw_copy(LW_Q, state.q, values + LW_AT_Q);
     lw_copy(LW_W, state.w, values + LW_AT_W);
+DRIVEN    lw_copy(LW_Z, state.z, values + LW_AT_Z);
     model->next = state.next;
     model->changes = state.changes;
     model->moved = 0;
@@ -201,11 +212,15 @@ lw_status lw_model_tangent(
     const lw_model *model, lw_work *work, const lw_real *seeds, lw_real *found)
 {
     const lw_real *values = model->values, *q = model->closed_q, *w = model->closed_w;
-    const lw_real *su = seeds + LW_AT_U, *sp = seeds + LW_AT_P;
+    const lw_real *sp = seeds + LW_AT_P;
+UNDRIVEN    const lw_real *u = values + LW_AT_U, *su = seeds + LW_AT_U;
     lw_real tq[LW_Q], tw[LW_W];
+DRIVEN    lw_real u[LW_U + LW_Z], su[LW_U + LW_Z], *tdz = found + LW_AT_DZ;
     lw_status status = LW_OK;
 WITHFREE    const lw_parameters given = lw_given(values), *p = &given;
     lw_copy(LW_VALUES, seeds, found);
+DRIVEN    lw_join(values + LW_AT_U, values + LW_AT_Z, u);
+DRIVEN    lw_join(seeds + LW_AT_U, seeds + LW_AT_Z, su);
     if (model->kept.own) {
         lw_real v[LW_V];
         int k;
@@ -215,7 +230,7 @@ WITHFREE    const lw_parameters given = lw_given(values), *p = &given;
         lw_own_tangent_code(
             q,
             v,
-            values + LW_AT_U,
+            u,
             seeds + LW_AT_Q,
             seeds + LW_AT_W,
             su,
@@ -223,13 +238,13 @@ WITHFREE    const lw_parameters given = lw_given(values), *p = &given;
             tq,
             found + LW_AT_DQ,
             tw,
-            found + LW_AT_DW);
+            found + LW_AT_DW WITH_TDZ);
     }
 OTHERWISE    else {
 OTHERWISE        lw_chart chart;
 OTHERWISE        lw_chosen(&model->kept, &chart);
 OTHERWISE        status = lw_other_tangent(
-OTHERWISE            &chart, model, seeds WITH_P, tq, found + LW_AT_DQ, tw, found + LW_AT_DW);
+OTHERWISE            &chart, model, seeds, u, su WITH_P, tq, found + LW_AT_DQ, tw, found + LW_AT_DW WITH_TDZ);
 OTHERWISE    }
     lw_telling_tangent_code(
         q,
@@ -243,7 +258,7 @@ OTHERWISE    }
     lw_gap_tangent_code(
         values + LW_AT_Q, seeds + LW_AT_Q, sp WITH_P, found + LW_AT_GAP);
 REACTING    if (status == LW_OK) {
-REACTING        status = lw_reaction_tangent(model, work, seeds, tq, tw WITH_P, found);
+REACTING        status = lw_reaction_tangent(model, work, seeds, u, su, tq, tw WITH_P, found);
 REACTING    }
     (void)work;
     if (status == LW_OK && !lw_finite(found + LW_AT_DQ, LW_VALUES - LW_AT_DQ)) {
@@ -256,4 +271,5 @@ void lw_model_nominals(lw_real *nominals)
 {
     lw_copy(LW_Q, lw_q_units, nominals);
     lw_copy(LW_W, lw_w_units, nominals + LW_Q);
+DRIVEN    lw_copy(LW_Z, lw_z_units, nominals + LW_Q + LW_W);
 }

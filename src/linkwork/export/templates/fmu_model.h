@@ -11,6 +11,9 @@ enum {
 PLACES
 };
 
+/* Continuous states: q, w, and the states of drives. */
+#define LW_STATES (LW_Q + LW_W PLUS_Z)
+
 /* A choice of independent rates: the own ones of the robot, or others. */
 typedef struct lw_choice {
     int32_t own;

@@ -115,17 +115,20 @@ static lw_status lw_multipliers(
 static lw_status lw_other_tangent(
     const lw_chart *chart,
     const lw_model *model,
-    const lw_real *seeds TAKING_P,
+    const lw_real *seeds,
+    const lw_real *u,
+    const lw_real *su TAKING_P,
     lw_real *tq,
     lw_real *tdq,
     lw_real *tw,
-    lw_real *tdw)
+    lw_real *tdw TAKING_TDZ)
 {
-    const lw_real *q = model->closed_q, *w = model->closed_w, *u = model->values + LW_AT_U;
-    const lw_real *dw = model->values + LW_AT_DW, *su = seeds + LW_AT_U, *sp = seeds + LW_AT_P;
+    const lw_real *q = model->closed_q, *w = model->closed_w;
+    const lw_real *dw = model->values + LW_AT_DW, *sp = seeds + LW_AT_P;
     lw_real phi[LW_PHI], Phi[LW_PHI * LW_W], gap[1], t[LW_W], b[LW_PHI], L[LW_W][LW_V];
     lw_real dq[LW_Q], H[LW_W * LW_W], f[LW_W], gamma[LW_PHI], lambda[LW_PHI], r[LW_W];
     lw_real M[LW_V][LW_V], forces[LW_V];
+DRIVEN    lw_real dz[LW_Z];
     lw_status status;
     int i, j, k, m;
     lw_free_closure_code(q WITH_P, phi, Phi, gap);
@@ -149,7 +152,7 @@ static lw_status lw_other_tangent(
     lw_copy(LW_W, seeds + LW_AT_W, tw);
     status = lw_dependent(chart, Phi, b, tw);
     /* Multipliers of the motion:  Phi' lambda = f - H w'. */
-    lw_free_forces_code(q, w, u WITH_P, dq, H, f, gamma);
+    lw_free_forces_code(q, w, u WITH_P, dq, H, f, gamma WITH_DZ);
     for (i = 0; i < LW_W; ++i) {
         for (j = 0; j < LW_W; ++j) {
             f[i] -= H[i + LW_W * j] * dw[j];
@@ -162,7 +165,7 @@ static lw_status lw_other_tangent(
         return status;
     }
     /* Accelerations:  L' (H tw' + r) = 0,  Phi tw' = -(change of Phi w' + gamma). */
-    lw_free_tangent_code(q, w, u, dw, lambda, tq, tw, su, sp WITH_P, tdq, r, b);
+    lw_free_tangent_code(q, w, u, dw, lambda, tq, tw, su, sp WITH_P, tdq, r, b WITH_TDZ);
     for (i = 0; i < LW_PHI; ++i) {
         b[i] = -b[i];
     }

@@ -65,9 +65,11 @@ lw_status lw_model_react(lw_model *model, lw_work *work)
 {
     lw_real *values = model->values;
     const lw_real *q = model->closed_q, *w = model->closed_w, *dw = values + LW_AT_DW;
-    const lw_real *u = values + LW_AT_U;
+UNDRIVEN    const lw_real *u = values + LW_AT_U;
+DRIVEN    lw_real u[LW_U + LW_Z];
     lw_status status;
 WITHFREE    const lw_parameters given = lw_given(values), *p = &given;
+DRIVEN    lw_join(values + LW_AT_U, values + LW_AT_Z, u);
     lw_balanced_code(q, w, dw, u WITH_P, work->K, work->right);
     status = lw_balance(work, work->right, work->x);
     if (status == LW_OK) {
@@ -81,13 +83,15 @@ static lw_status lw_reaction_tangent(
     const lw_model *model,
     lw_work *work,
     const lw_real *seeds,
+    const lw_real *u,
+    const lw_real *su,
     const lw_real *tq,
     const lw_real *tw TAKING_P,
     lw_real *found)
 {
     const lw_real *values = model->values, *q = model->closed_q, *w = model->closed_w;
-    const lw_real *dw = values + LW_AT_DW, *u = values + LW_AT_U, *tdw = found + LW_AT_DW;
-    const lw_real *su = seeds + LW_AT_U, *sp = seeds + LW_AT_P;
+    const lw_real *dw = values + LW_AT_DW, *tdw = found + LW_AT_DW;
+    const lw_real *sp = seeds + LW_AT_P;
     lw_real twrenches[LW_REACTIONS];
     lw_status status;
     int k;

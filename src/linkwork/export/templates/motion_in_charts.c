@@ -7,14 +7,16 @@ static lw_status lw_slope(
     lw_real *pivot)
 {
     lw_status status = LW_OK;
+DRIVEN    lw_real given[LW_U + LW_Z], *dz = dy + LW_Q + LW_V;
+DRIVEN    lw_join(u, y + LW_Q + LW_V, given);
     if (chart->own) {
-        lw_motion_code(y, y + LW_Q, u WITH_P, dy, dy + LW_Q, pivot);
+        lw_motion_code(y, y + LW_Q, GIVEN WITH_P, dy, dy + LW_Q WITH_DZ, pivot);
         status = fabs(pivot[0]) > LW_WEAK ? LW_OK : LW_SINGULAR;
     }
 OTHERWISE    else {
 OTHERWISE        lw_real dw[LW_W];
 OTHERWISE        pivot[0] = 1;
-OTHERWISE        status = lw_other_slope(chart, y, u WITH_P, dy, dw);
+OTHERWISE        status = lw_other_slope(chart, y, GIVEN WITH_P, dy, dw);
 OTHERWISE    }
     if (status == LW_OK && !lw_finite(dy, LW_Y)) {
         status = LW_NOT_FINITE;
@@ -54,6 +56,7 @@ OTHERWISE    }
     if (!lw_finite(next.w, LW_W)) {
         return LW_NOT_FINITE;
     }
+DRIVEN    lw_copy(LW_Z, y + LW_Q + LW_V, next.z);
     next.t = t;
     next.changes += next.own != chart->own;
     next.own = chart->own;
@@ -69,6 +72,7 @@ static void lw_leave(const lw_chart *chart, const lw_state *state, lw_real *y)
     for (k = 0; k < LW_V; ++k) {
         y[LW_Q + k] = state->w[chart->independent[k]];
     }
+DRIVEN    lw_copy(LW_Z, state->z, y + LW_Q + LW_V);
 }
 
 /* Choose the chart of the next step: the own one, from a strong pivot on where it was left. */

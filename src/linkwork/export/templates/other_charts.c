@@ -148,12 +148,13 @@ static lw_status lw_other_slope(
     lw_real phi[LW_PHI], Phi[LW_PHI * LW_W], gap[1], gamma[LW_PHI], A[LW_PHI][LW_W + 1];
     lw_real L[LW_W][LW_V], w[LW_W], H[LW_W * LW_W], f[LW_W], b[LW_W], M[LW_V][LW_V];
     int rows[LW_W], columns[LW_W], i, j, k, m;
+DRIVEN    lw_real *dz = dy + LW_Q + LW_V;
     lw_free_closure_code(y WITH_P, phi, Phi, gap);
     if (!lw_other_map(chart, Phi, L)) {
         return LW_SINGULAR;
     }
     lw_other_rates(L, y + LW_Q, w);
-    lw_free_forces_code(y, w, u WITH_P, dy, H, f, gamma);
+    lw_free_forces_code(y, w, u WITH_P, dy, H, f, gamma WITH_DZ);
     lw_scaled(Phi, gamma, A);
     lw_reduce(A, chart->is_dependent, rows, columns);
     for (i = 0; i < LW_W; ++i) {

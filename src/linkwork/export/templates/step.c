@@ -33,7 +33,7 @@ static lw_status lw_dormand_prince(
     }
     *error = 0;
     for (i = 0; i < LW_Y; ++i) {
-        const lw_real unit = i < LW_Q ? lw_q_units[i] : lw_w_units[chart->independent[i - LW_Q]];
+        const lw_real unit = UNIT_OF_STATE;
         const lw_real size = fabs(y[i]) > fabs(end[i]) ? fabs(y[i]) : fabs(end[i]);
         lw_real sum = 0;
         for (j = 0; j < 7; ++j) {
