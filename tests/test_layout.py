@@ -35,7 +35,7 @@ STAGES = (
     "gradients",
     "robot",
     "export",
-    "analysis motions scene",
+    "analysis motions scene gym",
     "design",
     "views",
     "sweeps viewer lab",
@@ -135,6 +135,26 @@ def test_a_robot_is_above_what_works_on_it():
     """Modules below the facade are typed by what they use."""
     assert {package(name) for name in graph().predecessors("linkwork.robot.facade")} == {"robot"}
     assert [*graph().predecessors("linkwork.robot.facade")] == ["linkwork.robot"]
+
+
+PARTICULAR = {
+    "linkwork.lab.reproduction",
+    *(f"linkwork.gym.catalogue._{name}" for name in ("balancing", "reaching", "swinging_up")),
+}
+"""What is about a robot of the catalogue: the paper's study, and ready environments, in each of
+which a robot and a task belong together."""
+
+
+def test_few_know_a_particular_robot():
+    """All else takes whichever it is given, by its description or its name in the catalogue."""
+    knowing = {
+        name_of(path)
+        for path, tree in modules()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module == "linkwork.robots"
+        if {alias.name for alias in node.names} & {*lw.robots.__all__}
+    }
+    assert {name for name in knowing if package(name) != "robots"} == PARTICULAR
 
 
 PACKAGES = sorted(name for name in graph() if (SOURCE.parent / Path(*name.split("."))).is_dir())

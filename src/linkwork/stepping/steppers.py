@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import wait
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -14,33 +14,34 @@ from linkwork.checks import by_name, count, shown
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.chart_transfer import reread
-from linkwork.model.charts import OWN, CompiledChart
+from linkwork.model.charts import CompiledChart
 from linkwork.model.closing import settled
 from linkwork.model.parameters import with_parameters
 from linkwork.model.state import State
-from linkwork.model.turning import turning
 from linkwork.runs.members import Members, forces_of_each, members
-from linkwork.runs.passage import CLOSURE, LOWER, RECOVERED, SOFT, portion
+from linkwork.runs.passage import LOWER, RECOVERED, SOFT
 from linkwork.runs.running import EXAMPLE
 from linkwork.runs.settings import Settings
 from linkwork.runs.side_by_side import Stands, begun, in_better_charts, pivots
 from linkwork.runs.system import require_starts
-from linkwork.simulation import RK4, Status
-from linkwork.simulation.turns import whole
-from linkwork.simulation.vectors import LANES
+from linkwork.simulation import Status
+from linkwork.stepping.given_to_many import (
+    Index,
+    as_events,
+    forces_given,
+    require_states,
+    which_of,
+)
+from linkwork.stepping.held_members import OFTEN, OK, HeldMembers
 from linkwork.stepping.native_many import (
     CODE,
-    COUNTS,
     LEFT,
     LIMIT,
     NUMBER,
-    NUMBERS,
     ORIGIN,
     SLACK,
     WHEN,
     WRITTEN,
-    Herd,
-    StepDemands,
     steps,
 )
 from linkwork.stepping.stepper import (
@@ -50,20 +51,18 @@ from linkwork.stepping.stepper import (
     portions_taken,
     require_room,
 )
-from linkwork.threads import crew, usable_processors
+from linkwork.threads import usable_processors
 
 if TYPE_CHECKING:
     from linkwork.control import Drive, Wrench
+    from linkwork.control.tracing import Law
     from linkwork.model.model import Model
     from linkwork.runs.system import Forces
 
-FEWEST = 256  # members that are worth a thread
-OFTEN = OWN + 1  # evaluations that are to come, for which charts get code of their own
-Index = int | slice | Sequence[int] | np.ndarray
-OK, SINGULAR = int(Status.FINISHED), int(Status.SINGULAR)
+SINGULAR = int(Status.SINGULAR)
 
 
-class Steppers:
+class Steppers(HeldMembers):
     """Step N robots on together, dt at a time, each under its own forces.
 
     Made by `Robot.stepper` of a stack of states. A member does what a `Stepper` with method "rk4"
@@ -78,6 +77,8 @@ class Steppers:
         status: how each member is (N,), as `Status`: FINISHED, 0, of those that go on; another one
             until the member is `reset`.
         time: of each member (N,) [s].
+        parameters: numbers of drives and controllers, by name (N,), to be read and written between
+            two steps; those of the robot that were given are told here, too.
         dt: length of a step [s]; threads: over which they are dealt.
     """
 
@@ -91,6 +92,7 @@ class Steppers:
         drives: Mapping[str, Drive] | None = None,
         wrenches: Sequence[Wrench] = (),
         parameters: Mapping[str, ArrayLike] | None = None,
+        readings: Sequence[Law] = (),
         method: str = "rk4",
         threads: int | None = None,
     ):
@@ -108,7 +110,10 @@ class Steppers:
             )
         values = by_name(parameters, "parameters", EXAMPLE)
         self._given = {"drives": drives, "wrenches": wrenches}
-        self._batch = members(robot, states, forces, values, drives, wrenches, (), self.dt, False)
+        watched = as_events(readings)
+        self._batch = members(
+            robot, states, forces, values, drives, wrenches, watched, self.dt, False
+        )
         if self._batch.system.sampler is not None:
             raise LinkworkError(
                 "a sampled controller is not stepped on in many robots together; make a stepper of "
@@ -118,47 +123,6 @@ class Steppers:
         self._forces, self._free = given, is_free(forces)
         self._furnish(own)
         self.reset()
-
-    def _furnish(self, own: np.ndarray | None) -> None:
-        """Make the arrays, with a column for each member and some to fill the lanes."""
-        batch, system = self._batch, self._batch.system
-        equations, N = batch.robot.equations, len(batch)
-        stride = -(-N // LANES) * LANES + LANES  # whole vectors, and no power of two
-        nq, n, nz = equations.nq, equations.mobility, len(system.states)
-        inputs, acting = system.inputs, system.acting
-        first = int(acting.timed) if acting else 0
-        commands = len(batch.robot.actuators) * self._free
-        self._first = np.zeros((N, commands))
-        self._first[:] = inputs.coefficients[0, 0, first : first + commands] if own is None else own
-        self._herd = herd = Herd(
-            np.zeros((nq + n + nz, stride)),
-            np.zeros((nq + n + nz, stride)),
-            np.zeros((nq, stride)),
-            np.zeros((commands, stride)),
-            np.zeros((batch.p.shape[1], stride)),
-            np.zeros((NUMBERS, stride)),
-            np.zeros((COUNTS, stride), np.intp),
-        )
-        herd.p[:, :N] = batch.p.T
-        self.y, self.u = herd.y[:, :N].T, herd.u[:, :N].T
-        self.q, self.v, self.z = self.y[:, :nq], self.y[:, nq : nq + n], self.y[:, nq + n :]
-        self.status, self.time = herd.counts[CODE, :N], herd.numbers[WHEN, :N].view()
-        for told in (self.status, self.time):
-            told.flags.writeable = False
-        # What is asked of all of them.
-        timed = np.delete(inputs.coefficients, range(first, first + commands), axis=2).size > 0
-        own_turning = turning(batch.robot.turning, batch.robot.chart, acting)
-        asked = np.ascontiguousarray(own_turning.table[:2])
-        self._portion = max(1, portion(nq) // max(N, 1))
-        self._asked = StepDemands(asked, self.dt, CLOSURE * batch.robot.size, first)
-        self._inputs = RK4(self.dt).plan.table, inputs.table, timed
-        self._seen = np.zeros((N, len(batch.robot.coordinates)))
-        self._charts: dict[object, tuple[int, CompiledChart]] = {}
-        self._of = np.zeros(N, int)  # the numbers of their charts
-        self._teams: list[tuple[CompiledChart, np.ndarray]] | None = None
-
-    def __len__(self) -> int:
-        return len(self._batch)
 
     def __repr__(self) -> str:
         name, on = self._batch.robot.mechanism.name, int((self.status == OK).sum())
@@ -171,7 +135,11 @@ class Steppers:
         )
 
     def step(
-        self, u: ArrayLike | None = None, steps: int = 1, out: np.ndarray | None = None
+        self,
+        u: ArrayLike | None = None,
+        steps: int = 1,
+        out: np.ndarray | None = None,
+        index: Index | None = None,
     ) -> np.ndarray:
         """Take one step, or some, of all members that go on, and return the states (N, n).
 
@@ -183,6 +151,8 @@ class Steppers:
                 can go on.
             out: where to write the states; a new array if left out. With the steppers' own y no
                 number is copied.
+            index: which of them: numbers, a slice, or a mask (N,); all if left out. The others stay
+                where they are.
 
         Raises:
             LinkworkError: forces that do not fit; signals that end; they are refused before
@@ -195,19 +165,21 @@ class Steppers:
         if out is not None and out is not self.y:
             require_room(out, self.y.shape)
         self._require_signals(steps)
+        who = slice(None) if index is None else which_of(index, len(self))
         if steps > self._portion:
-            steps = portions_taken(self._take, steps, self._portion)
-        self._take(steps)
+            steps = portions_taken(partial(self._take, who), steps, self._portion)
+        self._take(who, steps)
         if out is None:
             return self.y.copy()
         if out is not self.y:
             out[:] = self.y
         return out
 
-    def _take(self, steps: int) -> None:
-        """Take so many steps of all members that go on."""
+    def _take(self, who: np.ndarray | slice, steps: int) -> None:
+        """Take so many steps of members, of those that go on."""
         left = self._herd.counts[LEFT]
-        left[:] = steps
+        left[:] = 0
+        left[who] = steps
         # Charts are changed where they weaken, until nobody has steps left.
         stopped = self._dealt(self._running())
         while stopped:
@@ -217,34 +189,12 @@ class Steppers:
             stopped = self._dealt([(chart, who) for chart, who in on if who.size])
         self._raise_bounds()
 
-    @property
-    def states(self) -> State:
-        """The states, a stack of N in the robot's own independent rates; rates that these do not
-        tell are nan. Whole turns of joints that close loops are followed from one asking to the
-        next."""
-        batch, N = self._batch, len(self)
-        robot, nq, n = batch.robot, self._herd.turns.shape[0], batch.robot.mobility
-        rates = np.full((N, n), np.nan)
-        held = np.ascontiguousarray(self._herd.held[:, :N].T)
-        for chart, who in self._grouped(np.arange(N)):
-            q, v = held[who, :nq], held[who, nq : nq + n]
-            found, kept = reread(robot, chart, robot.chart, q, v, batch.p_robot(who))
-            rates[who[kept]] = found[kept]
-        q = np.ascontiguousarray(whole(held[:, :nq], self._herd.turns[:, :N].T))
-        (read,) = robot.kernel("positions")(q, batch.p_robot())
-        self._seen = robot.labels.nearest(read, self._seen)
-        return State(self._seen, rates, q, robot.coordinates, robot.independent)
-
-    def independent(self, index: int) -> tuple[str, ...]:
-        """Return the names of the rates that v holds of a member."""
-        return self._chart(self._one(index)).independent
-
     def alone(self, index: int) -> Stepper:
         """Return a `Stepper` of one member as it is: its `run` is told in all quantities, and where
         the member ended its `step` raises why."""
         i, batch = self._one(index), self._batch
         robot, chart = batch.robot, self._chart(i)
-        values = {name: float(given[i]) for name, given in batch.varied.items()}
+        values = {name: float(given[i]) for name, given in self.parameters.items()}
         own = {name: values.pop(name) for name in list(values) if name in robot.parameters}
         robot = with_parameters(robot, own) if own else robot
         forces = self.u[i].copy() if self._free else self._forces
@@ -274,7 +224,7 @@ class Steppers:
         Raises:
             LinkworkError: what does not fit; nobody is moved then.
         """
-        who = self._which(index)
+        who = which_of(index, len(self))
         times = checks.finite(time, "time")
         if times.shape not in ((), who.shape) or (times < 0).any():
             raise LinkworkError(
@@ -309,19 +259,6 @@ class Steppers:
             chart = robot.run_chart
         return replace(batch, given=given, chart=chart, told=told, q=q, v=v, p=p, forces=None)
 
-    def _enter(self, chart: CompiledChart, who: np.ndarray, y: np.ndarray) -> None:
-        """Put members at states (M, n) in a chart."""
-        herd = self._herd
-        number, _ = self._charts.setdefault(chart.key, (len(self._charts), chart))
-        self._of[who] = number
-        herd.held[:, who] = y.T
-        seen = y.copy()
-        nq = herd.turns.shape[0]
-        seen[:, :nq] = whole(seen[:, :nq], herd.turns[:, who].T)
-        herd.y[:, who] = seen.T
-        herd.numbers[LIMIT, who], herd.counts[CODE, who] = SOFT, OK
-        self._teams = None
-
     def _start(self, who: np.ndarray, time: np.ndarray) -> None:
         """Put members at times: steps end at multiples of dt, of a start beside them so many after
         it."""
@@ -332,22 +269,6 @@ class Steppers:
         numbers[ORIGIN, who] = np.where(beside, time, 0.0)
         counts[NUMBER, who], counts[WRITTEN, who] = np.where(beside, 0, number), 0
 
-    def _running(self) -> list[tuple[CompiledChart, np.ndarray]]:
-        """Return the members that go on, chart by chart."""
-        if self._teams is None:
-            self._teams = self._grouped(np.flatnonzero(self.status == OK))
-        return self._teams
-
-    def _grouped(self, who: np.ndarray) -> list[tuple[CompiledChart, np.ndarray]]:
-        """Return members chart by chart."""
-        numbers = self._of[who]
-        groups = [(chart, who[numbers == number]) for number, chart in self._charts.values()]
-        return [(chart, own) for chart, own in groups if own.size]
-
-    def _chart(self, i: int) -> CompiledChart:
-        """Return the chart of a member."""
-        return next(chart for number, chart in self._charts.values() if number == self._of[i])
-
     def _dealt(self, teams: Sequence[tuple[CompiledChart, np.ndarray]]) -> int:
         """Take the steps that are left of members; return how many had to stop."""
         stopped = 0
@@ -356,16 +277,7 @@ class Steppers:
             motion = system.side_by_side(chart, "motion", OFTEN)
             closure = chart.closing_side_by_side(OFTEN) if constrained else 0
             given = motion, closure, *self._inputs, self._herd, self._asked
-            parts = min(self.threads, who.size // FEWEST)
-            if parts < 2:
-                stopped += steps(*given, who)
-                continue
-            size = -(-who.size // (parts * LANES)) * LANES
-            with crew(parts) as pool:
-                shares = [who[first : first + size] for first in range(0, who.size, size)]
-                jobs = [pool.submit(steps, *given, share) for share in shares]
-                wait(jobs)
-            stopped += sum(job.result() for job in jobs)
+            stopped += sum(self._shared(lambda share, given=given: steps(*given, share), who))
         return stopped
 
     def _change_charts(self) -> None:
@@ -412,17 +324,7 @@ class Steppers:
                 "the forces of these steppers are those that they were made with, a controller or "
                 "signals; step without u, or leave forces out of robot.stepper"
             )
-        try:
-            given = np.asarray(u, float) if np.isrealobj(u) else None
-        except (TypeError, ValueError):
-            given = None
-        if given is None or given.shape not in ((N, len(names)), (len(names),)):
-            what = shown(u) if given is None else f"of shape {given.shape}"
-            raise LinkworkError(
-                f"forces are {what}; give ({N}, {len(names)}) numbers, a row for each robot, or "
-                f"{len(names)} for all: {', '.join(names)}"
-            )
-        self.u[:] = given
+        self.u[:] = forces_given(u, names, N)
 
     def _require_signals(self, steps: int) -> None:
         """Refuse steps for which signals are not known."""
@@ -434,34 +336,3 @@ class Steppers:
                     f"what acts is sampled up to {end:g} s, and the last of the robots is at t = "
                     f"{latest:.9g} s; give samples for longer, or reset the robots"
                 )
-
-    def _which(self, index: Index | None) -> np.ndarray:
-        """Return the numbers of members (M,)."""
-        every = np.arange(len(self))
-        try:
-            found = every if index is None else np.atleast_1d(every[index])
-        except (IndexError, TypeError, ValueError):
-            found = None
-        if found is None or found.ndim != 1 or np.unique(found).size < found.size:
-            raise LinkworkError(
-                f"index {shown(index)} does not fit {len(self)} robots; give a number, a slice, "
-                "different numbers, or a mask"
-            )
-        return found
-
-    def _one(self, index: int) -> int:
-        found = self._which(index)
-        if found.size != 1:
-            raise LinkworkError(f"index {shown(index)} is none of one robot; give a number")
-        return int(found[0])
-
-
-def require_states(robot: Model, state: State, size: int) -> State:
-    """Return states, one or as many as are asked for; refuse others."""
-    if not isinstance(state, State):
-        checks.refuse_foreign(state, robot.coordinates, robot.charts)
-    if robot.own(state).batch not in ((), (size,)):
-        raise LinkworkError(
-            f"the states are a stack of the shape {state.batch}; give one, or {size}"
-        )
-    return state

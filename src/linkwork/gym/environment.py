@@ -1,0 +1,76 @@
+"""A single environment, as Gymnasium's `Env`."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import Env
+from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike
+
+from linkwork.gym.environments import Environments
+from linkwork.gym.process import DecisionProcess
+from linkwork.model.state import State
+
+
+class Environment(Env):
+    """Run an episode of a decision process at a time; one of `Environments`, to the last bit.
+
+    Args:
+        process: what is observed, done and rewarded.
+        max_episode_steps: steps after which an episode is truncated; the process's horizon if left
+            out.
+        render_mode: None; pictures are made of `state`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
+        "render_modes": []
+    }
+
+    def __init__(
+        self,
+        process: DecisionProcess,
+        *,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+    ):
+        self._one = Environments(
+            process,
+            max_episode_steps=max_episode_steps,
+            autoreset_mode=AutoresetMode.DISABLED,
+            threads=1,
+            render_mode=render_mode,
+        )
+        self.process = process
+        self.action_space = self._one.single_action_space
+        self.observation_space = self._one.single_observation_space
+
+    @property
+    def state(self) -> State:
+        """The robot's state."""
+        return self._one.states.at(0)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode; return the observation and an empty info. Of the options there is
+        "draws", as `Environments.reset` has it."""
+        super().reset(seed=seed)
+        observations, _ = self._one.reset(seed=seed, options=options)
+        return observations[0], {}
+
+    def step(self, action: ArrayLike) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Take an action; return observation, reward, terminated, truncated and info, whose
+        "reason" says why the robot could not be stepped on, if so."""
+        observations, rewards, terminations, truncations, infos = self._one.step(
+            np.asarray(action)[None]
+        )
+        info = {"reason": infos["reason"][0]} if infos else {}
+        return (
+            observations[0],
+            float(rewards[0]),
+            bool(terminations[0]),
+            bool(truncations[0]),
+            info,
+        )

@@ -1,0 +1,360 @@
+"""Environments: many episodes of a decision process at a time, as Gymnasium's `VectorEnv`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike
+
+from linkwork import checks
+from linkwork.errors import LinkworkError
+from linkwork.gym.draws import Draws
+from linkwork.gym.process import OBSERVATION, REWARD, TERMINATION, DecisionProcess
+from linkwork.model.state import State
+from linkwork.runs.members import allowed
+from linkwork.simulation import Status
+from linkwork.stepping.steppers import Steppers
+
+REASONS = {
+    Status.SINGULAR: "the pose is singular: no independent rates determine the motion from here",
+    Status.CLOSURE_LOST: "the loops do not close any more",
+    Status.NON_FINITE: "forces or accelerations are infinite or undefined from here",
+}
+"""Why an episode was cut off where its robot could not be stepped on."""
+
+
+class Environments(VectorEnv):
+    """Run N episodes of a decision process side by side, in the lanes of vector registers.
+
+    An episode whose robot cannot be stepped on is truncated: the observation is that of the state
+    before, and infos["reason"] says why.
+
+    Args:
+        process: what is observed, done and rewarded.
+        num_envs: N.
+        max_episode_steps: steps after which an episode is truncated; the process's horizon if left
+            out.
+        autoreset_mode: when episodes that are over begin anew: with the next step, whose action is
+            not taken ("NextStep"); in the same step, whose infos["final_obs"] and
+            infos["final_info"] tell the end ("SameStep"); by reset(options={"reset_mask": ...})
+            alone ("Disabled").
+        threads: over which the robots are dealt; all processors if left out.
+        render_mode: None; pictures are made of `states`.
+
+    Attributes:
+        states: the robots' states, a stack of N; process: the decision process.
+        observation_space, action_space: boxes (N, numbers); single_observation_space and
+            single_action_space of one.
+
+    Source: Gymnasium 1.4, `gymnasium.vector.VectorEnv`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
+        "render_modes": [],
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        process: DecisionProcess,
+        num_envs: int = 1,
+        *,
+        max_episode_steps: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int | None = None,
+        render_mode: str | None = None,
+    ):
+        if not isinstance(process, DecisionProcess):
+            raise LinkworkError(f"{checks.shown(process)} is no linkwork.gym.DecisionProcess")
+        if render_mode is not None:
+            raise LinkworkError(
+                f"there is no render_mode {render_mode!r}; draw the environments' states instead"
+            )
+        self.process, self.num_envs = process, checks.count(num_envs, "num_envs")
+        horizon = process.horizon if max_episode_steps is None else max_episode_steps
+        self._horizon = checks.count(horizon, "max_episode_steps")
+        self._mode = mode_of(autoreset_mode)
+        self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}  # pyright: ignore
+        self._limits = np.column_stack((process.low, process.high))
+        self.single_action_space = Box(*self._limits.T.astype(np.float32))
+        self.single_observation_space = Box(-np.inf, np.inf, (process.observed,), np.float64)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        # The robots, and as many as there are starts, where episodes begin.
+        starts = process.robot.own(process.starts or process.robot.home)
+        starts = starts if starts.batch else stacked(starts, 1)
+        self._starts = self._steppers_at(starts, 1)
+        self._robots = self._steppers_at(stacked(starts.at(0), self.num_envs), threads)
+        self._places = places(process, self._robots)
+        low, high = np.array([*process.draws.values(), (0.0, 1.0)], float).T
+        self._least, self._span = low, high - low
+        self._actions = [self._robots.parameters[f"action[{i}]"] for i in range(process.size)]
+        # Episodes: random numbers, steps so far, and which are over.
+        self._draws: Draws | None = None
+        self._steps = np.zeros(self.num_envs, int)
+        self._over = np.ones(self.num_envs, bool)
+        self._read = np.zeros((self.num_envs, process.observed + 2))
+
+    def _steppers_at(self, states: State, threads: int | None) -> Steppers:
+        """Return steppers of the process's robot at states."""
+        process = self.process
+        own = {
+            name: np.full(len(states), value)
+            for name, value in process.robot.parameters.items()
+            if name in process.draws
+        }
+        return Steppers(
+            process.robot,
+            states,
+            process.dt / process.substeps,
+            process,
+            drives=process.drives,
+            wrenches=process.wrenches,
+            parameters=own,
+            readings=process.readings,
+            threads=threads,
+        )
+
+    @property
+    def states(self) -> State:
+        """The states of all robots, a stack of N."""
+        return self._robots.states
+
+    def extra(self, name: str) -> np.ndarray:
+        """Return a further state of all environments (N,), by its name."""
+        names = [each.name for each in self.process.read_extras]
+        checks.known([name], names, "further state")
+        return self._robots.z[:, names.index(name)].copy()
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin episodes anew, and return the observations (N, numbers) and infos.
+
+        Args:
+            seed: of the random numbers: an integer s for s, s + 1, ... of the environments, or one
+                for each; where it is left out they draw on.
+            options: "reset_mask": which of them (N,), all if left out; "draws": values by name in
+                place of drawn ones, one for all or for each of those that begin.
+
+        Raises:
+            LinkworkError: what does not fit; nothing is begun then.
+        """
+        given = checks.by_name(options, "options", "{'reset_mask': mask}")
+        checks.known(given, ("reset_mask", "draws"), "option of reset")
+        who = self._masked(given.get("reset_mask"))
+        instead = self._instead(given.get("draws"), who.size)
+        self._seed(seed, who)
+        self._begin(who, instead)
+        return self._readings()[:, :-2].copy(), {}
+
+    def step(
+        self, actions: ArrayLike
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Take an action in each environment.
+
+        Args:
+            actions: (N, actions), cut to their bounds.
+
+        Returns:
+            observations (N, numbers), rewards, terminations, truncations (N,), and infos: "reason"
+            of those whose robot could not be stepped on, "final_obs" and "final_info" as
+            Gymnasium has them.
+
+        Raises:
+            LinkworkError: actions that do not fit or are not finite, before anything happens;
+                functions of the process that are not finite at a state that was reached.
+        """
+        robots, over = self._robots, np.flatnonzero(self._over)
+        if over.size and (self._draws is None or self._mode is AutoresetMode.DISABLED):
+            raise LinkworkError(
+                f"the episode of environment {over[0]} has not begun, or is over; reset it before "
+                "its next step"
+            )
+        self._act(actions)
+        if over.size:
+            going = ~self._over
+            self._begin(over)
+            robots.step(steps=self.process.substeps, out=robots.y, index=going)
+        else:
+            robots.step(steps=self.process.substeps, out=robots.y)
+        # What the robots came to; those that began anew took no action.
+        read = self._readings()
+        self._steps += 1
+        failed = robots.status != 0
+        rewards, terminations = read[:, -2].copy(), read[:, -1] != 0
+        truncations = (self._steps >= self._horizon) | failed
+        if over.size:
+            self._steps[over] = 0
+            rewards[over], terminations[over], truncations[over] = 0.0, False, False
+        self._over = terminations | truncations
+        infos = self._reasons(failed) if failed.any() else {}
+        if self._mode is AutoresetMode.SAME_STEP and self._over.any():
+            infos = self._finish(infos)
+        return self._read[:, :-2].copy(), rewards, terminations, truncations, infos
+
+    def _act(self, actions: ArrayLike) -> None:
+        """Take actions over, cut to their bounds; refuse those that do not fit."""
+        try:
+            given = np.asarray(actions, float)
+        except (TypeError, ValueError):
+            given = np.empty(0)
+        if given.shape != self.action_space.shape:
+            what = f"of shape {given.shape}" if given.size else checks.shown(actions)
+            raise LinkworkError(f"actions are {what}; give numbers {self.action_space.shape}")
+        if not np.isfinite(given).all():
+            i = np.argwhere(~np.isfinite(given))[0, 0]
+            raise LinkworkError(
+                f"the action of environment {i} is {given[i].tolist()}; give finite numbers"
+            )
+        for row, values, (low, high) in zip(self._actions, given.T, self._limits, strict=True):
+            np.clip(values, low, high, out=row)
+
+    def _begin(self, who: np.ndarray, instead: Mapping[int, np.ndarray] | None = None) -> None:
+        """Begin episodes of some environments, at starts and with numbers that are drawn; instead:
+        others, by their columns."""
+        assert self._draws is not None
+        chosen = self._draws.take(who)
+        values = self._least + chosen * self._span
+        for column, numbers in (instead or {}).items():
+            values[:, column] = numbers
+        self._robots.put(self._starts, who, (chosen[:, -1] * len(self._starts)).astype(int))
+        for place, numbers in zip(self._places, values.T, strict=False):
+            place[who] = numbers
+        self._steps[who], self._over[who] = 0, False
+
+    def _instead(self, given: Any, count: int) -> dict[int, np.ndarray]:
+        """Return numbers in place of drawn ones, by their columns; refuse what does not fit."""
+        names, found = [*self.process.draws], {}
+        given = checks.by_name(given, "draws", "{'goal': 0.1}")
+        checks.known(given, names, "number that is drawn")
+        for name, value in given.items():
+            numbers = checks.finite(value, f"the draw of {name!r}")
+            if numbers.shape not in ((), (count,)):
+                raise LinkworkError(
+                    f"draws of {name!r} are of shape {numbers.shape}; give one number, or "
+                    f"{count}: one for each environment that begins"
+                )
+            found[names.index(name)] = numbers
+        return found
+
+    def _finish(self, infos: dict[str, Any]) -> dict[str, Any]:
+        """Begin episodes anew where others are over, and return infos that tell how these
+        ended."""
+        who = np.flatnonzero(self._over)
+        final = np.full(self.num_envs, None, object)
+        for i, row in zip(who.tolist(), self._read[who, :-2], strict=True):
+            final[i] = row
+        infos = {"final_obs": final, "_final_obs": self._over.copy(), "final_info": infos}
+        infos["_final_info"] = self._over.copy()
+        self._begin(who)
+        self._readings(who)
+        return infos
+
+    def _readings(self, who: np.ndarray | None = None) -> np.ndarray:
+        """Return what is read (N, numbers), anew for some or for all; refuse what is undefined."""
+        read = self._robots.read(self._read, who)
+        if not np.isfinite(read).all():
+            i, j = np.argwhere(~np.isfinite(read))[0].tolist()
+            what = {read.shape[1] - 2: REWARD, read.shape[1] - 1: TERMINATION}.get(j, OBSERVATION)
+            raise LinkworkError(
+                f"{what} of environment {i} is {read[i, j]} at t = {self._robots.time[i]:g} s; "
+                "write it so that it is finite wherever the robot comes to, or end the episode "
+                "before"
+            )
+        return read
+
+    def _reasons(self, failed: np.ndarray) -> dict[str, Any]:
+        """Return infos that tell why robots could not be stepped on."""
+        told = np.full(self.num_envs, None, object)
+        for i in np.flatnonzero(failed).tolist():
+            status = Status(self._robots.status[i])
+            told[i] = REASONS.get(status, status.name)
+        return {"reason": told, "_reason": failed}
+
+    def _masked(self, mask: Any) -> np.ndarray:
+        """Return which environments are to begin; refuse a mask that does not fit."""
+        if mask is None:
+            return np.arange(self.num_envs)
+        given = np.asarray(mask)
+        if given.dtype != bool or given.shape != (self.num_envs,) or not given.any():
+            raise LinkworkError(
+                f"the reset_mask is {checks.shown(mask)}; give {self.num_envs} truth values, of "
+                "which some are true"
+            )
+        if self._draws is None and not given.all():
+            raise LinkworkError("no episode has begun yet; reset all environments first")
+        return np.flatnonzero(given)
+
+    def _seed(self, seed: Any, who: np.ndarray) -> None:
+        """Give environments generators of random numbers: those that begin by their seeds."""
+        whole = isinstance(seed, int | np.integer)
+        seeds = range(seed, seed + self.num_envs) if whole else [] if seed is None else [*seed]
+        if seed is not None and len(seeds) != self.num_envs:
+            raise LinkworkError(
+                f"there are {len(seeds)} seeds; give an integer, or {self.num_envs} of them"
+            )
+        if whole:
+            super().reset(seed=int(seed))
+        if self._draws is None:
+            fresh = np.random.SeedSequence(self.np_random.integers(2**63)).spawn(self.num_envs)
+            generators = [np.random.default_rng(each) for each in fresh]
+            self._draws = Draws(generators, len(self._least))
+        for i in who.tolist() if seeds else ():
+            if seeds[i] is not None:
+                self._draws.renew(i, seeding.np_random(int(seeds[i]))[0])
+
+
+def mode_of(mode: AutoresetMode | str) -> AutoresetMode:
+    """Return an autoreset mode by its name; refuse what is none."""
+    try:
+        return AutoresetMode(mode)
+    except ValueError:
+        names = ", ".join(repr(each.value) for each in AutoresetMode)
+        raise LinkworkError(f"there is no autoreset_mode {mode!r}; there are {names}") from None
+
+
+def stacked(state: State, count: int) -> State:
+    """Return a stack of so many times the same state."""
+    parts = {
+        name: np.broadcast_to(values, (count, values.size)).copy()
+        for name, values in (("positions", state.positions), ("rates", state.rates), ("q", state.q))
+    }
+    return replace(state, **parts)
+
+
+def places(process: DecisionProcess, robots: Steppers) -> list[np.ndarray]:
+    """Return where numbers that are drawn are written to, (N,) each; refuse what nobody reads.
+
+    Numbers of the robot may be those that its description may hold at all corners of their bounds.
+    """
+    states, found = [each.name for each in process.read_extras], []
+    for name in process.draws:
+        if name in states:
+            found.append(robots.z[:, states.index(name)])
+        elif name in robots.parameters and not name.startswith("action["):
+            found.append(robots.parameters[name])
+        else:
+            raise LinkworkError(
+                f"draws name {name!r}, which is no further state, no free parameter of the robot, "
+                "and no parameter that a function reads by state.parameter(name, default)"
+            )
+        if not found[-1].flags.writeable:
+            raise LinkworkError(
+                f"{name!r} may not be drawn: the loops close otherwise by it; draw masses and what "
+                "else leaves them closed"
+            )
+    own = {name: process.draws[name] for name in process.draws if name in process.robot.parameters}
+    for end in (0, 1):
+        if not allowed(process.robot, {name: bounds[end] for name, bounds in own.items()}):
+            raise LinkworkError(
+                f"bounds of {', '.join(own)} hold numbers that the robot's description may not"
+            )
+    return found

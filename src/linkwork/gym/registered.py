@@ -1,0 +1,58 @@
+"""Registered environments: decision processes under names that `gymnasium.make` and `make_vec`
+know."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from importlib import import_module
+from typing import Any
+
+import gymnasium
+
+from linkwork.gym.environment import Environment
+from linkwork.gym.environments import Environments
+from linkwork.gym.process import DecisionProcess
+
+ENDLESS = 2**62  # steps of an episode that `gymnasium.wrappers.TimeLimit` cuts off
+READY = {
+    "Linkwork/Reach-v0": ("reaching", 100),
+    "Linkwork/Balance-v0": ("balancing", 250),
+    "Linkwork/SwingUp-v0": ("swinging_up", 250),
+}
+"""Ready processes: their names in `linkwork.gym.catalogue`, and their horizons."""
+
+
+def register(id: str, process: Callable[[], DecisionProcess], horizon: int) -> None:
+    """Register a decision process for `gymnasium.make` and `gymnasium.make_vec`.
+
+    Args:
+        id: the name, such as "Mine/Reach-v0".
+        process: returns the process when an environment is made.
+        horizon: steps after which an episode is truncated.
+    """
+    gymnasium.register(
+        id,
+        entry_point=partial(single, process),
+        vector_entry_point=partial(several, process),
+        max_episode_steps=horizon,
+    )
+
+
+def single(process: Callable[[], DecisionProcess], **options: Any) -> Environment:
+    """Return one environment, without a limit of its own."""
+    return Environment(process(), **{"max_episode_steps": ENDLESS, **options})
+
+
+def several(process: Callable[[], DecisionProcess], num_envs: int, **options: Any) -> Environments:
+    """Return environments side by side."""
+    return Environments(process(), num_envs, **options)
+
+
+def ready(name: str) -> DecisionProcess:
+    """Return a process of the catalogue, made when it is first asked for."""
+    return getattr(import_module("linkwork.gym.catalogue"), name)()
+
+
+for own, (name, horizon) in READY.items():
+    register(own, partial(ready, name), horizon)

@@ -1,0 +1,237 @@
+"""What many robots that are stepped on together are: columns of arrays, and their charts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import wait
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from linkwork.checks import amount, shown
+from linkwork.errors import LinkworkError
+from linkwork.model.chart_transfer import reread
+from linkwork.model.charts import OWN, CompiledChart
+from linkwork.model.state import State
+from linkwork.model.turning import turning
+from linkwork.runs.members import Members
+from linkwork.runs.passage import CLOSURE, SOFT, portion
+from linkwork.simulation import RK4, Status
+from linkwork.simulation.turns import whole
+from linkwork.simulation.vectors import LANES
+from linkwork.stepping.given_to_many import Index, which_of
+from linkwork.stepping.native_exchange import readings, transfer
+from linkwork.stepping.native_many import (
+    CODE,
+    COUNTS,
+    LIMIT,
+    NUMBERS,
+    WHEN,
+    Herd,
+    StepDemands,
+)
+from linkwork.stepping.stepper import require_room
+from linkwork.threads import crew
+
+FEWEST = 256  # members that are worth a thread
+OFTEN = OWN + 1  # evaluations that are to come, for which charts get code of their own
+OK = int(Status.FINISHED)
+
+
+class HeldMembers:
+    """Hold many members of a robot in memory, a column for each: see `Steppers`."""
+
+    dt: float
+    threads: int
+    _batch: Members
+    _free: bool
+
+    def _furnish(self, own: np.ndarray | None) -> None:
+        """Make the arrays, with a column for each member and some to fill the lanes."""
+        batch, system = self._batch, self._batch.system
+        equations, N = batch.robot.equations, len(batch)
+        stride = -(-N // LANES) * LANES + LANES  # whole vectors, and no power of two
+        nq, n, nz = equations.nq, equations.mobility, len(system.states)
+        inputs, acting = system.inputs, system.acting
+        first = int(acting.timed) if acting else 0
+        commands = len(batch.robot.actuators) * self._free
+        self._first = np.zeros((N, commands))
+        self._first[:] = inputs.coefficients[0, 0, first : first + commands] if own is None else own
+        self._herd = herd = Herd(
+            np.zeros((nq + n + nz, stride)),
+            np.zeros((nq + n + nz, stride)),
+            np.zeros((nq, stride)),
+            np.zeros((commands, stride)),
+            np.zeros((batch.p.shape[1], stride)),
+            np.zeros((NUMBERS, stride)),
+            np.zeros((COUNTS, stride), np.intp),
+        )
+        herd.p[:, :N] = batch.p.T
+        if len(batch.p) > 1:
+            self._batch = replace(batch, p=herd.p[:, :N].T)
+        self.y, self.u = herd.y[:, :N].T, herd.u[:, :N].T
+        self.q, self.v, self.z = self.y[:, :nq], self.y[:, nq : nq + n], self.y[:, nq + n :]
+        self.status, self.time = herd.counts[CODE, :N], herd.numbers[WHEN, :N].view()
+        self.parameters = parameters_of(batch, herd.p[:, :N])
+        for told in (self.status, self.time):
+            told.flags.writeable = False
+        # What is asked of all of them.
+        timed = np.delete(inputs.coefficients, range(first, first + commands), axis=2).size > 0
+        own_turning = turning(batch.robot.turning, batch.robot.chart, acting)
+        asked = np.ascontiguousarray(own_turning.table[:2])
+        self._portion = max(1, portion(nq) // max(N, 1))
+        self._asked = StepDemands(asked, self.dt, CLOSURE * batch.robot.size, first)
+        self._inputs = RK4(self.dt).plan.table, inputs.table, timed
+        self._seen = np.zeros((N, len(batch.robot.coordinates)))
+        self._charts: dict[object, tuple[int, CompiledChart]] = {}
+        self._of = np.zeros(N, int)  # the numbers of their charts
+        self._teams: list[tuple[CompiledChart, np.ndarray]] | None = None
+
+    def __len__(self) -> int:
+        return len(self._batch)
+
+    @property
+    def states(self) -> State:
+        """The states, a stack of N in the robot's own independent rates; rates that these do not
+        tell are nan. Whole turns of joints that close loops are followed from one asking to the
+        next."""
+        batch, N = self._batch, len(self)
+        robot, nq, n = batch.robot, self._herd.turns.shape[0], batch.robot.mobility
+        rates = np.full((N, n), np.nan)
+        held = np.ascontiguousarray(self._herd.held[:, :N].T)
+        for chart, who in self._grouped(np.arange(N)):
+            q, v = held[who, :nq], held[who, nq : nq + n]
+            found, kept = reread(robot, chart, robot.chart, q, v, batch.p_robot(who))
+            rates[who[kept]] = found[kept]
+        q = np.ascontiguousarray(whole(held[:, :nq], self._herd.turns[:, :N].T))
+        (read,) = robot.kernel("positions")(q, batch.p_robot())
+        self._seen = robot.labels.nearest(read, self._seen)
+        return State(self._seen, rates, q, robot.coordinates, robot.independent)
+
+    def read(self, out: np.ndarray | None = None, index: Index | None = None) -> np.ndarray:
+        """Return what the `readings` that the steppers were made with say of the present states
+        (N, readings).
+
+        Args:
+            out: where to write it; a new array if left out.
+            index: of which members; the rows of others stay as they are.
+        """
+        shape = len(self), len(self._batch.system.events)
+        if out is None:
+            out = np.zeros(shape)
+        require_room(out, shape)
+        who = np.arange(len(self)) if index is None else which_of(index, len(self))
+        whole_herd = index is None and not self.status.any()
+        for chart, own in self._running() if whole_herd else self._grouped(who):
+            kernel = self._batch.system.side_by_side(chart, "events", OFTEN)
+            given = kernel, *self._inputs[1:], self._herd, self._asked
+            self._shared(lambda share, given=given: readings(*given, share, out), own)
+        return out
+
+    def put(self, other: HeldMembers, index: Index | None = None, of: Index | None = None) -> None:
+        """Put members where members of other steppers are, with all that these hold: at starts
+        that were prepared, or back to what was kept.
+
+        Args:
+            other: steppers of the same robot, made with the same of all but states and forces'
+                numbers.
+            index: which; all if left out.
+            of: where those are, as many members of the others, also one several times.
+
+        Raises:
+            LinkworkError: other steppers, or numbers, that do not fit; nobody is moved then.
+        """
+        self._require_twin(other)
+        who, there = which_of(index, len(self)), which_of(of, len(other), repeated=True)
+        if who.size != there.size:
+            raise LinkworkError(
+                f"{amount(who.size, 'member')} cannot be put where {there.size} are; give as many"
+            )
+        numbers = [
+            self._charts.setdefault(key, (len(self._charts), chart))[0]
+            for key, (_, chart) in other._charts.items()
+        ]
+        charts = np.array(numbers)[other._of[there]]
+        ended = self.status[who].any() or other.status[there].any()
+        if ended or (self._of[who] != charts).any():
+            self._of[who], self._teams = charts, None
+        transfer(self._herd, who, other._herd, there)
+        self._seen[who] = other._seen[there]
+
+    def independent(self, index: int) -> tuple[str, ...]:
+        """Return the names of the rates that v holds of a member."""
+        return self._chart(self._one(index)).independent
+
+    def _enter(self, chart: CompiledChart, who: np.ndarray, y: np.ndarray) -> None:
+        """Put members at states (M, n) in a chart."""
+        herd = self._herd
+        number, _ = self._charts.setdefault(chart.key, (len(self._charts), chart))
+        self._of[who] = number
+        herd.held[:, who] = y.T
+        seen = y.copy()
+        nq = herd.turns.shape[0]
+        seen[:, :nq] = whole(seen[:, :nq], herd.turns[:, who].T)
+        herd.y[:, who] = seen.T
+        herd.numbers[LIMIT, who], herd.counts[CODE, who] = SOFT, OK
+        self._teams = None
+
+    def _running(self) -> list[tuple[CompiledChart, np.ndarray]]:
+        """Return the members that go on, chart by chart."""
+        if self._teams is None:
+            self._teams = self._grouped(np.flatnonzero(self.status == OK))
+        return self._teams
+
+    def _grouped(self, who: np.ndarray) -> list[tuple[CompiledChart, np.ndarray]]:
+        """Return members chart by chart."""
+        numbers = self._of[who]
+        groups = [(chart, who[numbers == number]) for number, chart in self._charts.values()]
+        return [(chart, own) for chart, own in groups if own.size]
+
+    def _chart(self, i: int) -> CompiledChart:
+        """Return the chart of a member."""
+        return next(chart for number, chart in self._charts.values() if number == self._of[i])
+
+    def _shared(self, work: Callable[[np.ndarray], Any], who: np.ndarray) -> list[Any]:
+        """Return what some work gives for shares of members, dealt over the threads."""
+        parts = min(self.threads, who.size // FEWEST)
+        if parts < 2:
+            return [work(who)]
+        size = -(-who.size // (parts * LANES)) * LANES
+        with crew(parts) as pool:
+            shares = [who[first : first + size] for first in range(0, who.size, size)]
+            jobs = [pool.submit(work, share) for share in shares]
+            wait(jobs)
+        return [job.result() for job in jobs]
+
+    def _require_twin(self, other: HeldMembers) -> None:
+        """Refuse steppers whose members are no places for these."""
+        if not isinstance(other, HeldMembers):
+            raise LinkworkError(f"the others are {shown(other)}; give steppers of this robot")
+        own, theirs = self._batch, other._batch
+        keys = [of.system.acting.key if of.system.acting else "" for of in (own, theirs)]
+        if own.robot is not theirs.robot or keys[0] != keys[1] or self.dt != other.dt:
+            raise LinkworkError(
+                "the other steppers are of another robot, of other forces, drives, wrenches or "
+                "readings, or of another dt; make both alike"
+            )
+
+    def _one(self, index: int) -> int:
+        found = which_of(index, len(self))
+        if found.size != 1:
+            raise LinkworkError(f"index {shown(index)} is none of one robot; give a number")
+        return int(found[0])
+
+
+def parameters_of(batch: Members, p: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the rows of p (np, N) by name: parameters of what acts, and of the robot those that
+    vary, of which only those may be written that leave the loops closed."""
+    own, acting = batch.robot.parameters, batch.system.acting
+    equations, found = batch.robot.equations, {}
+    for i, name in enumerate((*own, *(acting.parameters if acting else ()))):
+        if name not in own or name in batch.varied:
+            found[name] = p[i].view()
+            closing = name in own and ca.depends_on(equations.rows.phi, equations.p[i])
+            found[name].flags.writeable = not closing
+    return found

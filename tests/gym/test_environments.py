@@ -1,0 +1,293 @@
+"""Environments do what Gymnasium says of environments, and many do what one does."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+import linkwork as lw
+from linkwork import math
+from linkwork.gym import DecisionProcess, Environment, Environments
+from linkwork.gym.catalogue import balancing, reaching, swinging_up
+from linkwork.robots import prr3
+
+READY = {
+    "Linkwork/Reach-v0": reaching,
+    "Linkwork/Balance-v0": balancing,
+    "Linkwork/SwingUp-v0": swinging_up,
+}
+UNBOUNDED = "ignore:.*A Box observation space:UserWarning"
+pytestmark = [
+    pytest.mark.filterwarnings(UNBOUNDED),
+    pytest.mark.filterwarnings("ignore:.*WARN:UserWarning"),
+]
+
+
+def actions(envs, steps: int, seed: int = 0) -> np.ndarray:
+    """Random actions (steps, N, numbers), some beyond their bounds."""
+    return np.random.default_rng(seed).uniform(-1.5, 1.5, (steps, *envs.action_space.shape))
+
+
+@pytest.mark.parametrize("name", READY)
+def test_a_registered_environment_passes_the_check(name):
+    check_env(gymnasium.make(name).unwrapped)
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+@pytest.mark.parametrize("name", READY)
+def test_many_do_what_gymnasium_makes_of_single_ones(name, mode):
+    """Gymnasium's own vector of single environments is the standard, for each way to begin
+    anew."""
+    count, horizon, steps = 3, 12, 40
+    one = [lambda: gymnasium.make(name, max_episode_steps=horizon)] * count
+    singles = SyncVectorEnv(one, autoreset_mode=mode)
+    many = gymnasium.make_vec(name, num_envs=count, max_episode_steps=horizon, autoreset_mode=mode)
+    assert many.metadata["autoreset_mode"] is mode
+    assert many.single_action_space == singles.single_action_space
+    assert many.observation_space == singles.observation_space
+    np.testing.assert_array_equal(many.reset(seed=5)[0], singles.reset(seed=5)[0])
+    ended = 0
+    for action in actions(many, steps):
+        given, told = singles.step(action), many.step(action)
+        for expected, found in zip(given[:4], told[:4], strict=True):
+            np.testing.assert_array_equal(found, expected)
+            assert found.dtype == expected.dtype
+        over = given[2] | given[3]
+        ended += over.sum()
+        assert ("final_obs" in told[4]) == ("final_obs" in given[4])
+        if "final_obs" in given[4]:
+            np.testing.assert_array_equal(told[4]["_final_obs"], given[4]["_final_obs"])
+            for i in np.flatnonzero(over):
+                np.testing.assert_array_equal(told[4]["final_obs"][i], given[4]["final_obs"][i])
+        if mode is AutoresetMode.DISABLED and over.any():
+            begun = [envs.reset(options={"reset_mask": over})[0] for envs in (many, singles)]
+            np.testing.assert_array_equal(*begun)
+    assert ended >= 3 * count
+
+
+def test_seeds_give_the_same_episodes_whoever_runs_beside():
+    process = reaching()
+    drawn = np.random.default_rng(1).uniform(-1, 1, (150, 7, 3))
+
+    def told(envs, acts, seed):
+        parts = [envs.reset(seed=seed)[0]]
+        return np.array([*parts, *(envs.step(act)[0] for act in acts)])
+
+    seven = told(Environments(process, 7), drawn, 11)
+    np.testing.assert_array_equal(told(Environments(process, 7, threads=2), drawn, 11), seven)
+    alone = told(Environments(process, 1), drawn[:, 3:4], 14)
+    np.testing.assert_array_equal(alone[:, 0], seven[:, 3])
+    listed = told(Environments(process, 2), drawn[:, [0, 6]], [11, 17])
+    np.testing.assert_array_equal(listed, seven[:, [0, 6]])
+    assert (told(Environments(process, 7), drawn, 12)[0] != seven[0]).any()
+    again = Environments(process, 7)
+    assert (again.reset()[0] != again.reset()[0]).any()
+
+
+def test_episodes_without_seeds_differ():
+    first, second = (Environments(reaching(), 3).reset()[0] for _ in range(2))
+    assert (first != second).any()
+
+
+def test_rewards_and_ends_are_those_of_the_formulas():
+    process = reaching()
+    robot, home = process.robot, process.robot.tool_pose(process.robot.home)
+    envs = Environments(process, 50, autoreset_mode="Disabled")
+    seen, _ = envs.reset(seed=2)
+    goal = seen[:, :3]
+    assert (np.abs(goal) <= [0.03, 0.03, 0.15]).all() and (goal[:, 2] <= 0.04).all()
+    ended = 0
+    for act in actions(envs, 60):
+        seen, rewards, over, cut, _ = envs.step(act)
+        moved = robot.tool_pose(envs.states) - home
+        error = goal - moved
+        e = error @ np.diag([1, 1, 0.1])
+        taken = np.clip(act, -1, 1)
+        expected = 1 / (1 + (e**2).sum(1) / 0.02**2) - 0.01 * (taken**2).sum(1)
+        np.testing.assert_allclose(rewards, expected, 1e-11, 1e-11)
+        np.testing.assert_allclose(seen[:, :3], error, 1e-11, 1e-11)
+        velocity = robot.observe(envs.states.at(7)).tool_velocity
+        np.testing.assert_allclose(seen[7, 3:6], velocity, 1e-10, 1e-11)
+        x, y, turn = moved.T
+        left = (abs(x) > 0.09) | (abs(y) > 0.09) | (turn > 0.1) | (turn < -0.25)
+        np.testing.assert_array_equal(over, left)
+        begun = over | cut
+        if begun.any():
+            seen, _ = envs.reset(options={"reset_mask": begun})
+            goal[begun] = seen[begun, :3]
+            ended += begun.sum()
+    assert ended > 20
+
+
+def test_steps_are_those_of_a_run():
+    process, law = reaching(), [0.3, -0.2, 0.1]
+    envs = Environments(process, 2)
+    envs.reset(seed=0)
+    for _ in range(10):
+        envs.step(np.tile(law, (2, 1)))
+    run = process.robot.simulate(process.robot.home, 4 * np.array(law), duration=0.2, rtol=1e-11)
+    np.testing.assert_allclose(envs.states.q[1], run.final.q, 1e-5, 5e-6)
+
+
+def test_masses_may_be_drawn():
+    """Each episode's motion is that of a robot of this mass."""
+    robot = lw.Robot(prr3()).free("platform.mass")
+    process = DecisionProcess(
+        robot,
+        dt=0.01,
+        low=[-5.0] * 3,
+        high=[5.0] * 3,
+        observation=lambda t, state: [*state.tool_pose, t],
+        reward=lambda t, state, action: t,
+        draws={"platform.mass": (0.5, 4.0)},
+    )
+    envs = Environments(process, 6)
+    given = np.array([0.6, 1.0, 2.0, 3.0, 3.5, 4.0])
+    envs.reset(seed=0, options={"draws": {"platform.mass": given}})
+    for _ in range(20):
+        seen, rewards, *_ = envs.step(np.tile([3.0, -2.0, 1.0], (6, 1)))
+    np.testing.assert_allclose(rewards, 0.2, 1e-12)
+    for i, mass in enumerate(given):
+        own = robot.with_parameters({"platform.mass": mass})
+        run = own.simulate(own.home, [3.0, -2.0, 1.0], duration=0.2, method="rk4", step=0.01)
+        pose = own.tool_pose(run.final)
+        np.testing.assert_allclose(seen[i, :3], pose, 1e-10)
+
+
+def test_starts_are_drawn_from_all_that_are_given():
+    process = swinging_up()
+    envs = Environments(process, 400)
+    envs.reset(seed=1)
+    begun = {tuple(row) for row in envs.states.q.round(9).tolist()}
+    assert begun <= {tuple(row) for row in process.starts.q.round(9).tolist()}
+    assert len(begun) > 50
+
+
+def test_a_robot_that_cannot_be_stepped_on_is_truncated_with_its_reason():
+    envs = Environments(reaching(), 4)
+    before, _ = envs.reset(seed=3)
+    envs._robots.v[2] = np.nan
+    seen, rewards, over, cut, infos = envs.step(np.zeros((4, 3)))
+    np.testing.assert_array_equal(cut, [False, False, True, False])
+    assert not over.any() and np.isfinite(rewards).all()
+    assert "infinite or undefined" in infos["reason"][2] and infos["reason"][0] is None
+    np.testing.assert_array_equal(infos["_reason"], cut)
+    np.testing.assert_array_equal(seen[2], before[2])
+    seen, rewards, over, cut, infos = envs.step(np.zeros((4, 3)))
+    assert not cut.any() and rewards[2] == 0.0 and "reason" not in infos
+    one = Environment(reaching())
+    one.reset(seed=0)
+    one._one._robots.v[0] = np.nan
+    *_, info = one.step(np.zeros(3))
+    assert "infinite or undefined" in info["reason"]
+
+
+def test_the_reason_is_in_the_final_info_of_the_same_step():
+    envs = Environments(reaching(), 4, autoreset_mode="SameStep")
+    envs.reset(seed=3)
+    envs._robots.v[2] = np.nan
+    *_, cut, infos = envs.step(np.zeros((4, 3)))
+    assert cut[2] and "reason" not in infos
+    assert "infinite or undefined" in infos["final_info"]["reason"][2]
+
+
+REFUSED = [
+    (lambda envs: envs.step(np.full((2, 3), np.nan)), r"action of environment 0 is \[nan"),
+    (lambda envs: envs.step(np.zeros((3, 3))), r"actions are of shape \(3, 3\); give numbers"),
+    (lambda envs: envs.step("left"), r"actions are 'left'"),
+    (lambda envs: envs.reset(options={"mask": 1}), "there is no option of reset 'mask'"),
+    (lambda envs: envs.reset(options={"reset_mask": [1, 2]}), "give 2 truth values"),
+    (lambda envs: envs.reset(options={"draws": {"goal": 1.0}}), "no number that is drawn 'goal'"),
+    (lambda envs: envs.reset(options={"draws": {"goal_x": np.ones(3)}}), "one number, or 2"),
+    (lambda envs: envs.reset(seed=[1, 2, 3]), "there are 3 seeds"),
+    (lambda envs: envs.extra("ball"), "there is no further state 'ball'"),
+]
+
+
+@pytest.mark.parametrize(("call", "sentence"), REFUSED)
+def test_what_does_not_fit_is_refused_before_anything_happens(call, sentence):
+    envs = Environments(reaching(), 2)
+    envs.reset(seed=0)
+    before = envs.states.q.copy()
+    with pytest.raises(lw.LinkworkError, match=sentence):
+        call(envs)
+    np.testing.assert_array_equal(envs.states.q, before)
+
+
+def test_steps_without_a_reset_are_refused():
+    envs = Environments(reaching(), 2, autoreset_mode="Disabled", max_episode_steps=1)
+    with pytest.raises(lw.LinkworkError, match="environment 0 has not begun, or is over"):
+        envs.step(np.zeros((2, 3)))
+    with pytest.raises(lw.LinkworkError, match="reset all environments first"):
+        envs.reset(options={"reset_mask": np.array([True, False])})
+    envs.reset(seed=0)
+    envs.step(np.zeros((2, 3)))
+    with pytest.raises(lw.LinkworkError, match="is over; reset it"):
+        envs.step(np.zeros((2, 3)))
+
+
+def of_prr3(**options) -> DecisionProcess:
+    given = {
+        "observation": lambda t, state: state.tool_pose,
+        "reward": lambda t, state, action: state["slide_1"],
+        "dt": 0.01,
+        "low": [-1.0] * 3,
+        "high": [1.0] * 3,
+    }
+    robot = options.pop("robot", reaching().robot)
+    return DecisionProcess(robot, **given | options)
+
+
+WRONG = [
+    ({"low": [0.0]}, "bounds of the action"),
+    ({"low": [0.0], "high": [1.0]}, "an action has 1 number, and the robot 3 actuators"),
+    ({"dt": 0.0}, "dt is 0.0; give a positive number"),
+    ({"horizon": 0}, "horizon is 0"),
+    ({"reward": 1.0}, "reward is 1.0; give a function"),
+    ({"rates": lambda t, state, action: 0.0}, "give both"),
+    ({"draws": {"x": (1.0, 0.0)}}, "the least and the largest"),
+    ({"draws": {"x": (0.0, 1.0)}}, "draws name 'x', which is no further state"),
+    (
+        {"observation": lambda t, state: [1] if state["slide_1"] > 0 else [2]},
+        "branches on the value",
+    ),
+    ({"reward": lambda t, state, action: [1.0, 2.0]}, "the reward returns 2 values"),
+    ({"terminated": lambda t, state: None}, "the termination returns None"),
+    ({"forces": lambda t, state, action: action[:2]}, "the controller returns 2 values"),
+]
+
+
+@pytest.mark.parametrize(("options", "sentence"), WRONG)
+def test_processes_that_do_not_fit_are_refused(options, sentence):
+    with pytest.raises(lw.LinkworkError, match=sentence):
+        Environments(of_prr3(**options), 2)
+
+
+def test_lengths_and_impossible_masses_may_not_be_drawn():
+    robot = lw.Robot(prr3()).free("slide_1.frames.1.position.0", "platform.mass")
+    for name, sentence in (
+        ("slide_1.frames.1.position.0", "the loops close otherwise"),
+        ("platform.mass", "numbers that the robot's description may not"),
+    ):
+        with pytest.raises(lw.LinkworkError, match=sentence):
+            Environments(of_prr3(robot=robot, draws={name: (-0.1, 0.1)}), 2)
+
+
+def test_a_reward_that_is_undefined_is_refused_by_its_name():
+    undefined = of_prr3(reward=lambda t, state, action: math.log(0.005 - t))
+    envs = Environments(undefined, 3)
+    envs.reset(seed=0)
+    with pytest.raises(lw.LinkworkError, match=r"the reward of environment 0 is nan at t = 0.01 s"):
+        envs.step(np.zeros((3, 3)))
+
+
+def test_modes_and_names_that_there_are_not():
+    with pytest.raises(lw.LinkworkError, match="there are 'NextStep', 'SameStep', 'Disabled'"):
+        Environments(reaching(), 2, autoreset_mode="now")
+    with pytest.raises(lw.LinkworkError, match="there is no render_mode 'human'"):
+        Environment(reaching(), render_mode="human")
+    with pytest.raises(lw.LinkworkError, match=r"is no linkwork.gym.DecisionProcess"):
+        Environments("Reach", 2)  # pyright: ignore[reportArgumentType]
