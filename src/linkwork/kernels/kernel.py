@@ -58,6 +58,7 @@ class Kernel:
     batch_address: of void(int64_t blocks, const double* in, double* out), which evaluates blocks of
         `lanes` states, laid out `in[block][n_in][lanes]` and `out[block][n_out][lanes]` and aligned
         to 64 bytes
+    rows_address: of the function that evaluates states stored one a row (`stored_states`)
     wide_address: of void(const double* in, double* out), which evaluates `abreast` x `lanes`
         states, laid out `in[n_in][abreast * lanes]` and `out[n_out][abreast * lanes]` and aligned
         to 64 bytes: for loops whose next states need the results of these
@@ -112,6 +113,10 @@ class Kernel:
     @cached_property
     def batch_address(self) -> int:
         return self._module("batch").addresses["batch"]
+
+    @cached_property
+    def rows_address(self) -> int:
+        return self._module("batch").addresses["rows"]
 
     @cached_property
     def wide_address(self) -> int:
@@ -195,7 +200,7 @@ class Kernel:
 
     @cached_property
     def _rows(self) -> Callable[..., None]:
-        return _ROWS(self._module("batch").addresses["rows"])
+        return _ROWS(self.rows_address)
 
     def _module(self, kind: Kind) -> Module:
         """Return the code of one kind; the first to ask waits for it."""

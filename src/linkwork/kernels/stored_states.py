@@ -32,13 +32,17 @@ def rows_text(program: Program, machine: Machine) -> str:
     lines.do("ret void")
     pointers = "ptr %in, ptr %strides, ptr %out, ptr noalias %x, ptr noalias %y"
     head = f"void @rows(i64 %states, {pointers}) {machine.attributes}"
-    return "\n\n".join(
-        (
-            _move_text("gather", machine),
-            _move_text("scatter", machine),
-            function_text(head, lines.text),
-        )
-    )
+    return f"{moves_text(machine)}\n\n{function_text(head, lines.text)}"
+
+
+def moves_text(machine: Machine) -> str:
+    """Return the LLVM functions that move rows of states, from number `first` on and none beyond
+    the last one, to vectors and back:
+
+        void gather(int64_t n, double* rows, int64_t stride, int64_t first, int64_t last, double*
+        block), and scatter
+    """
+    return f"{_move_text('gather', machine)}\n\n{_move_text('scatter', machine)}"
 
 
 def _moves(
