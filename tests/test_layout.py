@@ -47,13 +47,15 @@ FORMER = ("engines", "textbook")
 """Names of the root that lead to where things are now."""
 LATER = {
     ("linkwork.mechanism.mechanism", "linkwork.mechanism.files"),
+    ("linkwork.simulation.run", "linkwork.gradients.sensitivities"),
     ("linkwork.simulation.run", "linkwork.views.plots"),
     ("linkwork.simulation.run", "linkwork.model.state"),
     ("linkwork.notebooks", "linkwork.views.notebook"),
     ("linkwork.robot.facade", "linkwork.export"),
 }
-"""What may ask a later module, in a function: a class its own file format; a run its plot, and the
-state in its file; objects their pictures in notebooks; a robot what it is exported as."""
+"""What may ask a later module, in a function: a class its own file format; a run its derivatives,
+its plot, and the state in its file; objects their pictures in notebooks; a robot what it is
+exported as."""
 
 
 def name_of(path: Path) -> str:

@@ -16,6 +16,7 @@ from linkwork.runs.settings import settings_of
 
 if TYPE_CHECKING:
     from linkwork.control import Drive, Event, Observation, Wrench
+    from linkwork.gradients.losses import LossGradient
     from linkwork.runs.ensemble import Ensemble
     from linkwork.runs.running import Forces
     from linkwork.simulation import MethodName, Run, Sampled, Signal
@@ -236,6 +237,51 @@ class Simulated(Dynamics):
         from linkwork import stepping
 
         return stepping.made(self, state, dt, forces, options)
+
+    def gradient(
+        self,
+        loss: Callable[..., Any] | None,
+        state: State,
+        forces: Forces = None,
+        *,
+        duration: float,
+        running: Callable[..., Any] | None = None,
+        **options: Any,
+    ) -> LossGradient:
+        """Run from a state, and return a loss with its derivatives by all that determines the run.
+
+            loss(T, state at T) + integral of running(t, state) dt
+
+        The steps are differentiated that the run took, their sizes held, by the adjoint method:
+        through changes of the independent rates, events and the calls of sampled controllers.
+
+        Args:
+            loss: a function of (t, state), written as a controller is (`linkwork.math`), of the
+                end of the run; None: there is none.
+            state: where to start.
+            forces: as for `simulate`; of a controller the derivatives are those by its parameters.
+            duration: T [s].
+            running: a function of (t, state) that is integrated over the run.
+            options: as for `simulate`.
+
+        Returns:
+            A `linkwork.gradients.LossGradient`: its `value`, `run`, and derivatives by name or
+                group: "positions" (of the independent coordinates, along their rates; the loops
+                stay closed), "rates", "states" (of drives and controllers), "forces" (of constants
+                added to them, or to commands), "parameters" (free numbers of the mechanism, with
+                the independent coordinates and rates held, and of controllers and drives);
+                `samples`, by the values of sampled forces.
+
+        Raises:
+            LinkworkError: bad input; what has no derivative, in one sentence: stiff methods,
+                Python functions that are called, singular poses that are stepped over.
+        """
+        from linkwork.gradients.losses import loss_gradient
+
+        checks.known(options, OPTIONS, "option of a run")
+        return loss_gradient(
+            self, loss, state, forces, running=running, options=options | {"duration": duration}
+        )
 
     def observe(self, state: State) -> Observation:
         """Return a state as controllers see it: state["joint"], rates, poses of tool and bodies, as

@@ -97,14 +97,14 @@ def simulate(
     return record(Compared(robot, passage, begun, segments), state, besides)
 
 
-def again(made: Compared, state: State, samples: int | np.ndarray) -> Run:
-    """Carry out a run once more, saved at other times [s], or at so many from its start to where it
-    ended."""
+def again(made: Compared, state: State, samples: int | np.ndarray | None) -> Run:
+    """Carry out a run once more, saved at other times [s], at so many from its start to where it
+    ended, or (None) at every step."""
     passage, besides = made.passage, np.empty(0)
     last = made.segments[-1].trajectory.end_time
     times = np.linspace(passage.start, last, samples) if isinstance(samples, int) else samples
     settings = passage.settings.but(save_at=times)
-    if passage.system.sampler:
+    if passage.system.sampler and times is not None:
         given = passage.system.sampler, settings, passage.start, passage.end
         settings, besides = called_besides(*given)
     passage = replace(passage, settings=settings, interruptible=False)

@@ -106,14 +106,14 @@ _array, _table = (
 _state = types.Array(types.float64, 1, "C")
 
 
-def _flat(group: type) -> Any:
+def flat(group: type) -> Any:
     """Return Numba's type of a plain tuple: to look into a named one takes it two microseconds."""
     return types.BaseTuple.from_types(list(numba_type(group)))
 
 
 SIGNATURE = (
-    *(_flat(Kernels), _array, _array, _table, _table),
-    *(_array, _array, _flat(RunCourse), _array),
+    *(flat(Kernels), _array, _array, _table, _table),
+    *(_array, _array, flat(RunCourse), _array),
     *(types.Array(types.float64, 2, "C"), _state, _state),
 )
 

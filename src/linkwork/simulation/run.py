@@ -80,7 +80,7 @@ class Run(Portrayed):
     described: Callable[[], str] | None = field(default=None, repr=False)
     errors: Callable[[], Mapping[str, Variable]] | None = field(default=None, repr=False)
     ended: Callable[[], "State"] | None = field(default=None, repr=False)
-    again: Callable[[int | np.ndarray], Self] | None = field(default=None, repr=False)
+    again: Callable[[int | np.ndarray | None], Self] | None = field(default=None, repr=False)
     every: bool = field(default=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -292,6 +292,51 @@ class Run(Portrayed):
         return xarray.DataArray(
             found.wrenches, coords, (TIME, "joint", "component"), "joint_reaction", attrs
         )
+
+    def sensitivity(
+        self,
+        quantities: Sequence[str] | str | None = None,
+        to: Sequence[str] | str | None = None,
+    ) -> "xarray.Dataset":
+        """Return how what was recorded changes with the numbers that determine the run.
+
+        Tangents are led along the steps that the run took, their sizes held. Where an event ended
+        the run, the last values are those at the event, whose time changes too.
+
+        Args:
+            quantities: by name, such as "tool_pose"; all that can be differentiated if left out.
+            to: names of numbers, "rates.slide_1", or of groups of them: "positions", "rates",
+                "states", "forces", "parameters"; all if left out. They are those of
+                `linkwork.Robot.gradient`.
+
+        Returns:
+            A dataset of d quantity / d number, over the quantity's own axes and "number".
+
+        Raises:
+            LinkworkError: names that there are not; a run that was read from a file, or with what
+                has no derivative.
+        """
+        from linkwork.gradients.sensitivities import sensitivity
+
+        return sensitivity(self, quantities, to)
+
+    def gradient(
+        self, weights: Mapping[str, ArrayLike], to: Sequence[str] | str | None = None
+    ) -> dict[str, float]:
+        """Return the derivatives of  sum of weights times recorded values  by the numbers that
+        determine the run: of one number by many, by the adjoint method.
+
+        Args:
+            weights: by quantity, an array as it was recorded: the derivatives of a loss with
+                respect to what was recorded.
+            to: as for `sensitivity`.
+
+        Raises:
+            LinkworkError: as `sensitivity`; weights of another shape.
+        """
+        from linkwork.gradients.sensitivities import pulled_back
+
+        return pulled_back(self, weights, to)
 
     def plot(self, quantities: Sequence[str] | None = None) -> "Figure":
         """Draw the run's quantities over time (`linkwork.views.plot_run`), in smooth curves: those

@@ -1,0 +1,126 @@
+"""Losses: one number that a run is judged by, with its derivatives by all numbers of the run.
+
+    loss = g(T, state at T) + integral of l(t, state) dt
+
+g and l are traced as controllers are; the integral is summed up by the weights of the steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from linkwork import checks
+from linkwork.control.events import Event
+from linkwork.control.tracing import Law
+from linkwork.errors import LinkworkError
+from linkwork.gradients.numbers import GROUPS, Numbers
+from linkwork.gradients.retraced import Retraced, retraced
+from linkwork.gradients.sensitivities import add, led_back, readings
+from linkwork.model.state import State
+from linkwork.runs.run_record import RunRecord
+from linkwork.runs.system import Forces, System, system
+from linkwork.simulation import Run, Sampled, stack
+
+
+@dataclass(frozen=True, eq=False)
+class LossGradient:
+    """Hold a loss and its gradient: gradient["rates"] is that by all initial rates,
+    gradient["rates.slide_1"] by one of them.
+
+    value: the loss; run: the run
+    numbers: names of all numbers, "positions.slide_1", "rates.slide_1", "forces.slide_1" ... and
+        those of parameters; derivatives: by each of them
+    groups: their names by group: positions, rates, states, forces, parameters
+    samples: by the values of sampled forces (N, actuators), if the forces are `linkwork.Sampled`
+    """
+
+    value: float
+    run: Run = field(repr=False)
+    numbers: tuple[str, ...]
+    derivatives: np.ndarray
+    groups: Mapping[str, tuple[str, ...]] = field(repr=False)
+    samples: np.ndarray | None = field(repr=False)
+
+    def __getitem__(self, name: str) -> Any:
+        checks.known([name], (*GROUPS, *self.numbers), "number or group of numbers")
+        if name in self.groups:
+            return self.derivatives[[self.numbers.index(own) for own in self.groups[name]]]
+        return float(self.derivatives[self.numbers.index(name)])
+
+
+def loss_gradient(
+    robot: Any,
+    loss: Law | None,
+    state: State,
+    forces: Forces,
+    *,
+    running: Law | None,
+    options: Mapping[str, Any],
+) -> LossGradient:
+    """Return the gradient of a loss: `Robot.gradient`."""
+    given = [each for each in (loss, running) if each is not None]
+    if not given:
+        raise LinkworkError(
+            "there is no loss; give one, or a running one, as a function of (t, state)"
+        )
+    run: Run = robot.simulate(state, forces, **options)
+    record = run.variables
+    assert isinstance(record, RunRecord)
+    judged = with_losses(record, forces, given, options)
+    count = len(record.system.events)
+    of = retraced(run, False, judged, count + len(given) - 1 if running is not None else None)
+    numbers = Numbers(of)
+    names, slopes, value = numbers.chosen(None), numbers.slopes(), 0.0
+    if loss is not None:
+        for own, partials in readings(of, "loss", lambda joined: joined.outputs["events"][count]):
+            add(slopes, own, partials, np.ones((1, 1)))
+        value += evaluated(of, count)
+    found = led_back(of, numbers, slopes)
+    samples = None
+    if isinstance(forces, Sampled) and len(numbers.commands):
+        samples = by_samples(of, numbers, forces, slopes.signal)
+    return LossGradient(value + slopes.integral, run, names, found, numbers.groups, samples)
+
+
+def with_losses(
+    record: RunRecord, forces: Forces, losses: Sequence[Law], options: Mapping[str, Any]
+) -> System:
+    """Return a run's system that tells losses as event functions behind its own, for which it does
+    not watch."""
+    own, robot = record.system, record.robot
+    span = float(record.segments[0].start[0]), float(record.segments[-1].trajectory.end_time)
+    events = (*own.events, *(Event(each, name="loss") for each in losses))
+    parameters = (
+        dict(zip(own.acting.parameters, own.parameters.tolist(), strict=True)) if own.acting else {}
+    )
+    drives, wrenches = options.get("drives"), options.get("wrenches", ())
+    found = system(robot, forces, drives, wrenches, events, parameters, span, True, record.start)
+    followed = own.acting.followed if own.acting else ()
+    assert found.acting is not None
+    if found.acting.followed != followed:
+        names = ", ".join(sorted({x for part in found.acting.followed for x in part}))
+        raise LinkworkError(
+            f"the loss reads {names}, whose whole turns this run does not follow; read its sine "
+            "and cosine, or let a controller or an event of the run read it too"
+        )
+    return replace(found, faults=own.faults)
+
+
+def evaluated(of: Retraced, number: int) -> float:
+    """Return an event function at the end of a run."""
+    chart, end = of.segments[-1].chart, of.samples
+    kernel = of.system.kernel(chart, "events")
+    return float(kernel.flat(end.y[-1], end.u[-1], of.system.p(chart))[number])
+
+
+def by_samples(of: Retraced, numbers: Numbers, forces: Sampled, signal: np.ndarray) -> np.ndarray:
+    """Return derivatives (N, actuators) by the values of sampled forces, from those by the
+    coefficients of the inputs (4 pieces, columns), which are linear in them."""
+    count = len(forces.times)
+    one_each = Sampled(forces.times, np.eye(count), forces.kind).signal
+    shares = stack(one_each, of.system.inputs).coefficients[:, :, :count].reshape(-1, count)
+    return shares.T @ signal[:, list(numbers.commands)]

@@ -1,0 +1,296 @@
+"""Sweeps over the steps of a run, forwards with tangents and backwards with adjoints, compiled.
+
+The step sizes are those of the run and stand still; all else of a step is differentiated: with
+weights of the dense output w_i(theta) at samples within it,
+
+    dx_i = dy + h sum_(j<i) a_ij dk_j,    dk_i = f_y dx_i + f_u du + f_p dp,
+    dnew = G'(dx_s, dp),                  dsample = G'(dy + h sum_i w_i dk_i, dp)
+
+and the adjoint is the transpose of that, row by row backwards.
+"""
+
+import numpy as np
+from numba import njit, types
+
+from linkwork.gradients.native_steps import (
+    DerivativeKernels,
+    StateSizes,
+    bench_at,
+    bench_size,
+    closed_against,
+    closed_along,
+    furnish_bench,
+    new_state,
+    remake,
+    within,
+)
+from linkwork.simulation.compiled import OPTIONS, compiled_once
+from linkwork.simulation.native_loop import flat
+from linkwork.simulation.native_parts import copy, inputs_of, method_of, padded
+from linkwork.simulation.pointers import call, combine, pointer
+
+_list, _table, _cube = (
+    types.Array(types.float64, dimensions, "C", readonly=True) for dimensions in (1, 2, 3)
+)
+_open_list, _open_table, _open_cube = (
+    types.Array(types.float64, dimensions, "C") for dimensions in (1, 2, 3)
+)
+
+
+@njit(**OPTIONS)
+def rows_of(method, dense):
+    """Return how many rows of a step are needed, all of them for dense output."""
+    return method.stages if dense else method.solution
+
+
+@njit(**OPTIONS)
+def made_again(bench, kernels, sizes, method, inputs, t, h, dense):
+    """Make a step again from bench.y; return the Newton steps of its new state."""
+    remake(bench, kernels, sizes, method, inputs, t, h, 0, method.solution)
+    steps = new_state(bench, kernels, sizes, method, h)
+    if dense:
+        remake(bench, kernels, sizes, method, inputs, t, h, method.solution, method.stages)
+    return steps
+
+
+# Forwards
+
+
+@njit(**OPTIONS)
+def row_along(bench, kernels, sizes, method, inputs, i, signals, held, dp, dk):
+    """Evaluate dk_i, where the seed of row i holds dx_i."""
+    x = bench.x + i * bench.x_width
+    given = sizes.n + sizes.signals + sizes.held + sizes.parameters
+    seed, piece = x + given, int(bench.pieces[i])
+    s, columns = bench.times[i] - inputs.knots[piece], sizes.signals
+    for c in range(columns):
+        own = signals + 4 * columns * piece + c
+        seed[sizes.n + c] = own[0] + s * (
+            own[columns] + s * (own[2 * columns] + s * own[3 * columns])
+        )
+    copy(held, seed + sizes.n + columns, sizes.held)
+    copy(dp, seed + sizes.n + columns + sizes.held, sizes.parameters)
+    call(kernels.along, x, dk + i * bench.width)
+
+
+@njit(**OPTIONS)
+def step_along(bench, kernels, sizes, method, inputs, h, steps, dense, signals, held, dp, dy, dk):
+    """Replace dy at the start of a step by that at its end; leave all dk."""
+    n, stages, width, solution = sizes.n, method.stages, bench.width, method.solution
+    given = n + sizes.signals + sizes.held + sizes.parameters
+    new = dk + stages * width
+    for i in range(solution):
+        seed = bench.x + i * bench.x_width + given
+        combine(method.a + i * stages, i, h, dy, dk, width, n, seed)
+        row_along(bench, kernels, sizes, method, inputs, i, signals, held, dp, dk)
+    combine(method.a + solution * stages, solution, h, dy, dk, width, n, new)
+    closed_along(bench, kernels, sizes, bench.z, steps, new, dp)
+    if dense:
+        for i in range(solution, stages):
+            seed = bench.x + i * bench.x_width + given
+            if i == solution:
+                copy(new, seed, n)
+            else:
+                combine(method.a + i * stages, i, h, dy, dk, width, n, seed)
+            row_along(bench, kernels, sizes, method, inputs, i, signals, held, dp, dk)
+
+
+@compiled_once(
+    "the tangents of runs",
+    (
+        *(flat(DerivativeKernels), flat(StateSizes), _list, _list, _list, _list, _table, _list),
+        *(_list, _list, _table, _cube, _table, _open_table, _open_cube, _open_cube),
+    ),
+)
+def tangent(
+    kernels, sizes, p, plan, signal, t, y, held, places, times, d_p, d_signal, d_held, dy, rows,
+    samples,
+):  # fmt: skip
+    """Lead D tangents along the K - 1 steps between K states.
+
+    Args:
+        kernels, sizes: as of `DerivativeKernels`, `StateSizes`.
+        p, plan, signal: parameters; the method's `StepPlan.table`; `Signal.table`.
+        t, y: times (K,) and states (K, n) at which steps end; held: inputs (nh,).
+        places, times: of samples (S,), in order: the number of the step that each is in, from 0
+            on, and its time.
+        d_p, d_signal, d_held: directions (D, np), (D, pieces 4, signals), (D, nh).
+        dy: of the first state (D, n); of the last one in the end.
+        rows, samples: left with dy of all states (K, D, n) and of the samples (S, D, n).
+    """
+    kernels, sizes = DerivativeKernels(*kernels), StateSizes(*sizes)
+    method, (inputs, _) = method_of(pointer(plan)), inputs_of(pointer(signal))
+    n, width, directions = sizes.n, padded(sizes.n + 1), dy.shape[0]
+    each, own_size = (method.stages + 1) * width, bench_size(sizes, method)
+    memory = np.zeros(own_size + directions * (each + width) + width)
+    bench = bench_at(pointer(memory), sizes, method)
+    furnish_bench(bench, sizes, method, pointer(p))
+    copy(pointer(held), bench.held, sizes.held)
+    # Of each direction dy at the start of a step, padded, and its dk; a change within the step.
+    start = pointer(memory) + own_size
+    slopes, inner = start + directions * width, start + directions * (each + width)
+    place, count = 0, places.size
+    for d in range(directions):
+        copy(pointer(dy) + d * n, start + d * width, n)
+        copy(pointer(dy) + d * n, pointer(rows) + d * n, n)
+    for i in range(t.size - 1):
+        copy(pointer(y) + i * n, bench.y, n)
+        h, dense = t[i + 1] - t[i], place < count and int(places[place]) == i
+        steps = made_again(bench, kernels, sizes, method, inputs, t[i], h, dense)
+        for d in range(directions):
+            own, dk = start + d * width, slopes + d * each
+            step_along(
+                bench, kernels, sizes, method, inputs, h, steps, dense,
+                pointer(d_signal) + d * d_signal.shape[1] * d_signal.shape[2],
+                pointer(d_held) + d * sizes.held, pointer(d_p) + d * sizes.parameters, own, dk,
+            )  # fmt: skip
+        # Samples by the dense output, from the changes of the start and of all slopes.
+        while place < count and int(places[place]) == i:
+            newton = within(bench, kernels, sizes, method, h, (times[place] - t[i]) / h)
+            for d in range(directions):
+                own, dk = start + d * width, slopes + d * each
+                combine(bench.weights, method.stages, h, own, dk, width, n, inner)
+                dp = pointer(d_p) + d * sizes.parameters
+                closed_along(bench, kernels, sizes, bench.z_sample, newton, inner, dp)
+                copy(inner, pointer(samples) + (place * directions + d) * n, n)
+            place += 1
+        for d in range(directions):
+            new = slopes + d * each + method.stages * width
+            copy(new, start + d * width, n)
+            copy(new, pointer(rows) + ((i + 1) * directions + d) * n, n)
+    for d in range(directions):
+        copy(start + d * width, pointer(dy) + d * n, n)
+    memory[0] = 0.0  # the memory lives to the end
+
+
+# Backwards
+
+
+@njit(**OPTIONS)
+def row_against(bench, kernels, sizes, inputs, i, bars, b_width, signal_bar, held_bar, p_bar):
+    """Evaluate what row i contributes, of which the seed holds the bars of k_i and of the cost."""
+    n, columns = sizes.n, sizes.signals
+    bar = bars + i * b_width
+    call(kernels.against, bench.x + i * bench.x_width, bar)
+    piece = int(bench.pieces[i])
+    power, s = 1.0, bench.times[i] - inputs.knots[piece]
+    for m in range(4):
+        own = signal_bar + columns * (4 * piece + m)
+        for c in range(columns):
+            own[c] += power * bar[n + c]
+        power *= s
+    for c in range(sizes.held):
+        held_bar[c] += bar[n + columns + c]
+    for c in range(sizes.parameters):
+        p_bar[c] += bar[n + columns + sizes.held + c]
+
+
+@compiled_once(
+    "the adjoints of runs",
+    (
+        *(flat(DerivativeKernels), flat(StateSizes), _list, _list, _list, _list, _table, _list),
+        *(_list, _list, _table, _table, types.float64),
+        *(_open_list, _open_list, _open_list, _open_list),
+    ),
+)
+def adjoint(
+    kernels, sizes, p, plan, signal, t, y, held, places, times, row_bars, sample_bars, weight, bar,
+    p_bar, signal_bar, held_bar,
+):  # fmt: skip
+    """Lead an adjoint back along the K - 1 steps between K states; return the integral of the cost.
+
+    Args:
+        kernels ... times: as of `tangent`.
+        row_bars, sample_bars: derivatives of a loss with respect to the states (K, n) and to the
+            samples (S, n).
+        weight: of the integral of the cost in the loss.
+        bar: derivative with respect to the last state from what follows (n,); to the first one in
+            the end, own share of `row_bars` included.
+        p_bar, signal_bar, held_bar: to which the derivatives with respect to p (np,), to the
+            coefficients of the signals (pieces 4 signals,) and to the held inputs (nh,) are added.
+    """
+    kernels, sizes = DerivativeKernels(*kernels), StateSizes(*sizes)
+    method, (inputs, _) = method_of(pointer(plan)), inputs_of(pointer(signal))
+    n, stages, solution = sizes.n, method.stages, method.solution
+    given = n + sizes.signals + sizes.held + sizes.parameters
+    b_width, width, integral = padded(given + 1), padded(n + 1), 0.0
+    own_size, square = bench_size(sizes, method), padded(stages * stages + stages)
+    memory = np.zeros(own_size + (stages + 2) * (b_width + width) + width + square + 1)
+    bench = bench_at(pointer(memory), sizes, method)
+    furnish_bench(bench, sizes, method, pointer(p))
+    copy(pointer(held), bench.held, sizes.held)
+    # What rows contribute, by rows; what samples add to slopes and start; a transposed; the cost.
+    bars = pointer(memory) + own_size
+    base = bars + (stages + 2) * b_width
+    before = base + (stages + 2) * width
+    a = before + width
+    cost = a + square
+    for i in range(stages):
+        for j in range(stages):
+            a[j * stages + i] = method.a[i * stages + j]
+    own, place = pointer(bar), places.size - 1
+    signals, held_out, p_out = pointer(signal_bar), pointer(held_bar), pointer(p_bar)
+    for m in range(n):
+        own[m] += row_bars[t.size - 1, m]
+    for step in range(t.size - 2, -1, -1):
+        copy(pointer(y) + step * n, bench.y, n)
+        h, dense = t[step + 1] - t[step], place >= 0 and int(places[place]) == step
+        newton = made_again(bench, kernels, sizes, method, inputs, t[step], h, dense)
+        last = solution
+        for m in range(n):
+            before[m] = row_bars[step, m]
+        # Samples, and the rows that they alone need.
+        if dense:
+            last = stages - 1
+            while place >= 0 and int(places[place]) == step:
+                steps = within(bench, kernels, sizes, method, h, (times[place] - t[step]) / h)
+                copy(pointer(sample_bars) + place * n, bench.sample, n)
+                closed_against(
+                    bench, kernels, sizes, bench.z_sample, steps, bench.sample, p_out
+                )  # fmt: skip
+                for m in range(n):
+                    before[m] += bench.sample[m]
+                for j in range(stages):
+                    for m in range(n):
+                        base[j * width + m] += h * bench.weights[j] * bench.sample[m]
+                place -= 1
+            for j in range(stages - 1, solution - 1, -1):
+                seed = bench.x + j * bench.x_width + given
+                combine(
+                    a + (j * stages + j + 1), stages - 1 - j, h, base + j * width,
+                    bars + (j + 1) * b_width, b_width, n, seed,
+                )  # fmt: skip
+                seed[n] = 0.0
+                row_against(
+                    bench, kernels, sizes, inputs, j, bars, b_width, signals, held_out, p_out
+                )
+                for m in range(n):
+                    if j == solution:
+                        own[m] += bars[j * b_width + m]
+                    else:
+                        before[m] += bars[j * b_width + m]
+        # The new state, and the rows that it is made of.
+        closed_against(bench, kernels, sizes, bench.z, newton, own, p_out)
+        copy(own, bars + solution * b_width, n)
+        for m in range(n):
+            before[m] += own[m]
+        for j in range(solution - 1, -1, -1):
+            seed = bench.x + j * bench.x_width + given
+            combine(
+                a + (j * stages + j + 1), last - j, h, base + j * width,
+                bars + (j + 1) * b_width, b_width, n, seed,
+            )  # fmt: skip
+            if kernels.cost != 0:
+                share = h * method.a[solution * stages + j]
+                seed[n] = weight * share
+                call(kernels.cost, bench.x + j * bench.x_width, cost)
+                integral += share * cost[0]
+            row_against(bench, kernels, sizes, inputs, j, bars, b_width, signals, held_out, p_out)
+            for m in range(n):
+                before[m] += bars[j * b_width + m]
+        copy(before, own, n)
+        if dense:
+            for m in range(stages * width):
+                base[m] = 0.0
+    memory[0] = 0.0  # the memory lives to the end
+    return integral

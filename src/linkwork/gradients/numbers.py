@@ -1,0 +1,179 @@
+"""Numbers: what a run is differentiated with respect to, by name, and how it begins with them.
+
+    dq = T d + q_p dp,    dv,    dz,    du,    dp
+
+d are steps of the independent coordinates along their rates (of a free turn: its rotation vector),
+with the loops closed; p are the free numbers of the mechanism, with the independent coordinates and
+rates held, and the parameters of controllers and drives; du is added to the actuators' forces, or
+to the commands of their drives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from linkwork import checks
+from linkwork.errors import LinkworkError
+from linkwork.gradients import run_kernels
+from linkwork.gradients.links import Changes, LossSlopes
+from linkwork.gradients.retraced import Retraced, rates_jacobian
+
+OPENED = 1e-6  # opening of a loop by a parameter, in own units, that is none
+GROUPS = ("positions", "rates", "states", "forces", "parameters")
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """The numbers that determine a run.
+
+    of: the run
+    """
+
+    of: Retraced
+
+    @cached_property
+    def chart(self):
+        """The chart of the state that the run went out from."""
+        return self.of.robot.chart_of(self.of.record.start)
+
+    @cached_property
+    def groups(self) -> dict[str, tuple[str, ...]]:
+        """The names of all numbers, by group."""
+        system, robot = self.of.system, self.of.robot
+        independent = self.chart.independent
+        given = robot.actuators if self.commands else ()
+        return {
+            "positions": tuple(f"positions.{name}" for name in independent),
+            "rates": tuple(f"rates.{name}" for name in independent),
+            "states": tuple(f"states.{extra.name}" for extra in system.extras),
+            "forces": tuple(f"forces.{name}" for name in given),
+            "parameters": (*robot.parameters, *self.of.acting.parameters),
+        }
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all numbers, in their order."""
+        return tuple(name for group in GROUPS for name in self.groups[group])
+
+    @cached_property
+    def commands(self) -> range:
+        """The columns of the integrator's inputs that are forces or commands over time; none where
+        a controller gives these."""
+        acting = self.of.acting
+        read = sum(of.signal.coefficients.shape[2] for of in acting.references)
+        columns = self.of.system.inputs.coefficients.shape[2] - read
+        return range(int(acting.timed), columns)
+
+    def chosen(self, to: Sequence[str] | str | None) -> tuple[str, ...]:
+        """Return the names asked for: of numbers, or of groups of them; all where none are."""
+        if to is None:
+            to = GROUPS
+        asked = [to] if isinstance(to, str) else list(checks.names(to, "to"))
+        checks.known(asked, (*GROUPS, *self.names), "number to differentiate by")
+        found = [own for name in asked for own in self.groups.get(name, (name,))]
+        names = tuple(dict.fromkeys(found))
+        self.require_closed([name for name in names if name in self.of.robot.parameters])
+        return names
+
+    @cached_property
+    def begun(self) -> np.ndarray:
+        """The Jacobian of the first (q, v, z) in all numbers (n, numbers)."""
+        chart, robot, system = self.chart, self.of.robot, self.of.system
+        state, first = self.of.record.start, self.of.segments[0]
+        q, v = state.q, state.rates
+        n, own, extras = v.size, chart.equations.p.numel(), len(system.extras)
+        kernel = chart.compiled("starts along", run_kernels.starts_along)
+        dq = kernel.flat(q, chart.p).reshape(n + own, q.size).T
+        # Rates in the chart that the run starts in.
+        w = rates_jacobian(chart, q, v)[list(first.chart.equations.chart.independent)]
+        dv_q, dv_v, dv_p = np.split(w, [q.size, q.size + n], axis=1)
+        # Columns: positions, rates, extra states, forces, own parameters, others.
+        groups = self.groups
+        ends = np.cumsum([0, *(len(groups[group]) for group in GROUPS)])
+        found = np.zeros((q.size + n + len(system.states), ends[-1]))
+        at = dict(zip(GROUPS, ends, strict=False))
+        positions = slice(at["positions"], at["positions"] + n)
+        rates = slice(at["rates"], at["rates"] + n)
+        parameters = slice(at["parameters"], at["parameters"] + own)
+        rows_q, rows_v = slice(0, q.size), slice(q.size, q.size + n)
+        found[rows_q, positions], found[rows_q, parameters] = dq[:, :n], dq[:, n:]
+        found[rows_v, positions], found[rows_v, rates] = dv_q @ dq[:, :n], dv_v
+        found[rows_v, parameters] = dv_p + dv_q @ dq[:, n:]
+        begin = q.size + n
+        for i in range(extras):
+            found[begin + i, at["states"] + i] = 1
+        # States that tell turns are coordinates as they are read, or their opposites.
+        followed = [name for names in self.of.acting.followed for name in names]
+        if followed:
+            kernel = chart.compiled("positions jacobian", run_kernels.positions_jacobian)
+            read = robot.kernel("positions")(q)[0]
+            rows = kernel.flat(q, chart.p).reshape(read.size, -1)
+            places = [robot.coordinates.index(name) for name in followed]
+            z = first.start[2][n + extras :]
+            quaternion = np.array([robot.unit(name) == "1" for name in followed])
+            signs = np.where(quaternion & (z * read[places] < 0), -1.0, 1.0)
+            change = rows[:, : q.size] @ found[rows_q]
+            change[:, parameters] += rows[:, q.size :]
+            found[begin + extras :] = signs[:, None] * change[places]
+        return found
+
+    def require_closed(self, names: Sequence[str]) -> None:
+        """Refuse free numbers that would open loops which redundant rows keep closed."""
+        chart, q, known = self.chart, self.of.record.start.q, [*self.of.robot.parameters]
+        if not names or not chart.equations.rows.names:
+            return
+        rows = chart.compiled("opened", run_kernels.opened).flat(q, chart.p)
+        gaps = np.abs(rows.reshape(len(known), -1)).max(axis=1)
+        for name in names:
+            if gaps[known.index(name)] > OPENED:
+                raise LinkworkError(
+                    f"the loops would open with {name}, for the mechanism moves only while other "
+                    "numbers fit it: there is no derivative by it"
+                )
+
+    def changes(self, names: Sequence[str]) -> Changes:
+        """Return the changes of a run at its start along some numbers."""
+        places = [self.names.index(name) for name in names]
+        system, count, read = self.of.system, len(names), len(self.of.samples.t)
+        p = system.p(self.of.segments[0].chart)
+        pieces, _, columns = system.inputs.coefficients.shape
+        dp, signal = np.zeros((count, p.size)), np.zeros((count, 4 * pieces, columns))
+        parameters, forces = self.groups["parameters"], self.groups["forces"]
+        for row, name in enumerate(names):
+            if name in parameters:
+                dp[row, parameters.index(name)] = 1
+            elif name in forces:
+                signal[row, ::4, self.commands[forces.index(name)]] = 1
+        held = np.zeros((count, self.of.acting.held))
+        dy = np.ascontiguousarray(self.begun[:, places].T)
+        samples = (np.zeros((read, *part.shape)) for part in (dy, held, dy[:, 0]))
+        return Changes(dy, held, dp, signal, *samples)
+
+    def slopes(self) -> LossSlopes:
+        """Return derivatives of a loss of nothing, at the end of a run."""
+        system, read = self.of.system, self.of.samples.y
+        pieces, _, columns = system.inputs.coefficients.shape
+        p = np.zeros(system.p(self.of.segments[0].chart).size)
+        n, held, count = read.shape[1], self.of.acting.held, len(read)
+        return LossSlopes(
+            np.zeros(n),
+            np.zeros(held),
+            p,
+            np.zeros((4 * pieces, columns)),
+            np.zeros((count, n)),
+            np.zeros((count, held)),
+            np.zeros(count),
+        )
+
+    def gathered(self, slopes: LossSlopes) -> np.ndarray:
+        """Return the derivative of a loss with respect to all numbers."""
+        found = slopes.y @ self.begun
+        groups, ends = self.groups, np.cumsum([len(self.groups[group]) for group in GROUPS])
+        found[ends[3] :] += slopes.p
+        sums = slopes.signal[::4].sum(axis=0)
+        found[ends[2] : ends[3]] += sums[list(self.commands)[: len(groups["forces"])]]
+        return found

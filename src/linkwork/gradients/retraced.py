@@ -1,0 +1,418 @@
+"""Retraced: a run gone through once more in its own steps, as a chain of links.
+
+A run that was saved at some times only is run again, saved at every step; that takes the same
+steps. What cannot be differentiated is refused by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from linkwork.control.acting import Acting
+from linkwork.errors import LinkworkError
+from linkwork.gradients import run_kernels
+from linkwork.gradients.links import (
+    ChartChange,
+    ControllerCall,
+    InputsAt,
+    Partials,
+    Passing,
+    ReadOff,
+    RunLink,
+    Steps,
+)
+from linkwork.gradients.native_steps import StateSizes
+from linkwork.model.charts import CompiledChart
+from linkwork.model.model import Model
+from linkwork.runs.passage import CLOSURE, Segment
+from linkwork.runs.run_record import RunRecord
+from linkwork.runs.system import System, with_jacobian
+from linkwork.simulation import Run, Signal, Status
+from linkwork.simulation.methods import METHODS
+from linkwork.simulation.native_between import ROUNDING
+from linkwork.simulation.tableaus import FixedStep, StepPlan, SymplecticEuler, Tableau
+
+CLOSE = 2.0**-38  # how near to an event a step ends at it, relative to the time and to the step
+ASIDE = 1e-9  # how far from an event both sides of it are looked at, likewise
+SMOOTH = 1e-6  # jump of y' at an event that is none, relative to it
+GRAZING = 1e-9  # rate of an event function, relative to its parts, at which it does not pass zero
+
+
+class Sampling(NamedTuple):
+    """Instants of a run that are read (S): the numbers of their segments, times [s], states
+    (S, n) and inputs (S, nr)."""
+
+    segment: np.ndarray
+    t: np.ndarray
+    y: np.ndarray
+    u: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Retraced:
+    """A run in its own steps.
+
+    record: what it recorded; system: joined with what acts; segments: with every step saved
+    samples: the instants that are read; ended: whether an event ended the run
+    cost: which of the event functions is integrated over the run, if any
+    """
+
+    record: RunRecord
+    system: System
+    segments: Sequence[Segment]
+    samples: Sampling
+    ended: bool
+    cost: int | None = None
+
+    @property
+    def robot(self) -> Model:
+        return self.record.robot
+
+    @property
+    def acting(self) -> Acting:
+        assert self.system.acting is not None
+        return self.system.acting
+
+    @cached_property
+    def links(self) -> list[RunLink]:
+        """The links of the run, in their order."""
+        found, held = [], np.zeros(self.acting.held)
+        for number, segment in enumerate(self.segments):
+            before = self.segments[number - 1]
+            if number and before.chart.independent != segment.chart.independent:
+                found.append(self._chart_change(before, segment.chart))
+            own = OfSegment(self, number, segment, held)
+            found += own.links()
+            held = own.held[-1]
+        return found
+
+    def _chart_change(self, before: Segment, chart: CompiledChart) -> ChartChange:
+        """Return the change to a chart at the end of a segment."""
+        q, v = before.trajectory.q_end, before.trajectory.v_end[: self.robot.mobility]
+        found = rates_jacobian(before.chart, q, v)[list(chart.equations.chart.independent)]
+        return ChartChange(*np.split(found, [q.size, q.size + v.size], axis=1))
+
+    def inputs_at(self, t: np.ndarray, from_left: bool = False) -> InputsAt:
+        """Return how the inputs over time depend on their coefficients at times (K)."""
+        signal = self.system.inputs
+        piece, s = pieces(signal, t, from_left)
+        c = np.moveaxis(signal.coefficients[piece], 1, 0)
+        rates = c[1] + s[:, None] * (2 * c[2] + 3 * s[:, None] * c[3])
+        return InputsAt(piece, s[:, None] ** np.arange(4.0), rates)
+
+    def partials(
+        self,
+        chart: CompiledChart,
+        name: str,
+        of: run_kernels.Expressions,
+        states: Sampling,
+        from_left: bool = False,
+    ) -> Partials:
+        """Return the Jacobians of expressions at instants in a chart; name: theirs."""
+        joined, y, p = self.system.joined, states.y, self.system.p(chart)
+        kernel = chart.compiled(
+            f"{self.acting.key} {name} jacobian",
+            lambda _: run_kernels.jacobian(joined(chart), of(joined(chart))),
+        )
+        nq, n = chart.equations.nq, chart.equations.mobility
+        (flat,) = kernel(y[:, :nq], y[:, nq : nq + n], y[:, nq + n :], states.u, p)
+        ends = np.cumsum([y.shape[1], states.u.shape[1]])
+        rows = flat.reshape(len(y), -1, ends[-1] + p.size)
+        y, r, p = np.split(rows, ends, axis=2)
+        return Partials(y, r, p, self.inputs_at(states.t, from_left))
+
+    def moment(
+        self, chart: CompiledChart, state: Sampling, event: int, slope: np.ndarray
+    ) -> Partials:
+        """Return the Jacobian of the time of an event; slope: y' before it."""
+        found = self.partials(chart, "events", lambda of: of.outputs["events"], state, True)
+        own = slice(event, event + 1)
+        y, r, p = found.y[:, own], found.r[:, own], found.p[:, own]
+        parts = np.concatenate([y[0, 0] * slope, r[0, 0, : found.columns] * found.inputs.rates[0]])
+        if not abs(parts.sum()) > GRAZING * np.abs(parts).sum():
+            name = self.system.events[event].name
+            raise LinkworkError(
+                f"the event {name!r} at t = {state.t[0]:.9g} s touches zero rather than passing it,"
+                " so that its time has no derivative; differentiate a run that ends before it"
+            )
+        rate = parts.sum()
+        return Partials(-y / rate, -r / rate, -p / rate, found.inputs)
+
+
+@dataclass(frozen=True, eq=False)
+class OfSegment:
+    """Make the links of a segment; number: its own; before: what a sampled controller held."""
+
+    whole: Retraced
+    number: int
+    segment: Segment
+    before: np.ndarray
+
+    @property
+    def chart(self) -> CompiledChart:
+        return self.segment.chart
+
+    @property
+    def system(self) -> System:
+        return self.whole.system
+
+    @cached_property
+    def t(self) -> np.ndarray:
+        return np.ascontiguousarray(self.segment.trajectory.t)
+
+    @cached_property
+    def y(self) -> np.ndarray:
+        part = self.segment.trajectory
+        return np.ascontiguousarray(part.rows[:, 1 : 1 + part.y_end.size])
+
+    @cached_property
+    def held(self) -> np.ndarray:
+        """What a sampled controller holds from each row on (K, nh)."""
+        u = self.segment.trajectory.u
+        return np.ascontiguousarray(u[:, u.shape[1] - self.whole.acting.held :])
+
+    @property
+    def sizes(self) -> StateSizes:
+        equations, p = self.chart.equations, self.system.p(self.chart)
+        return StateSizes(
+            n=self.y.shape[1],
+            nq=equations.nq,
+            signals=self.system.inputs.coefficients.shape[2],
+            held=self.held.shape[1],
+            parameters=p.size,
+            own=len(equations.parameters),
+            tolerance=CLOSURE * self.whole.robot.size,
+        )
+
+    def links(self) -> Iterator[RunLink]:
+        """Yield the links: what happens at a row, and the steps to the next at which anything
+        does."""
+        last = len(self.t) - 1
+        ends = sorted({0, last, *self.acts, *self.jumps})
+        yield from self.at(0)
+        for a, b in pairwise(ends):
+            yield self.steps(a, b)
+            yield from self.at(b)
+
+    def at(self, row: int) -> Iterator[RunLink]:
+        """Yield what happens at a row."""
+        numbers = self.read[self.read_at == self.t[row]]
+        if self.whole.ended and self.segment is self.whole.segments[-1] and row == len(self.t) - 1:
+            yield self.ending(numbers)
+            return
+        if row in self.jumps:
+            yield self.jumps[row]
+        if row in self.acts:
+            state = self.state(row, self.held[row - 1] if row else self.before)
+            yield ControllerCall(
+                self.whole.partials(self.chart, "held", lambda of: of.outputs["next_held"], state)
+            )
+        if numbers.size:
+            yield ReadOff(numbers)
+
+    def state(self, row: int, held: np.ndarray, from_left: bool = False) -> Sampling:
+        """Return the state of a row under some held inputs."""
+        t = self.t[row : row + 1]
+        u = np.concatenate([values(self.system.inputs, t, from_left)[0], held])
+        return Sampling(np.array([self.number]), t, self.y[row : row + 1], u[None])
+
+    @cached_property
+    def read(self) -> np.ndarray:
+        """The numbers of the samples of this segment."""
+        return np.flatnonzero(self.whole.samples.segment == self.number)
+
+    @cached_property
+    def read_at(self) -> np.ndarray:
+        """Their times [s]."""
+        return self.whole.samples.t[self.read]
+
+    def steps(self, a: int, b: int) -> Steps:
+        """Return the steps from row a to row b, with the samples between."""
+        t = self.t[a : b + 1]
+        inner = (self.read_at > t[0]) & (self.read_at < t[-1])
+        times, numbers = self.read_at[inner], self.read[inner]
+        rows = np.searchsorted(t, times)
+        ends = t[rows] == times
+        return Steps(
+            run_kernels.addresses(self.system, self.chart, self.whole.cost),
+            self.sizes,
+            self.system.p(self.chart),
+            plan_of(self.segment.method).table,
+            self.system.inputs.table,
+            t,
+            self.y[a : b + 1],
+            self.held[a],
+            rows[ends],
+            numbers[ends],
+            rows[~ends] - 1.0,
+            times[~ends],
+            numbers[~ends],
+        )
+
+    @cached_property
+    def acts(self) -> set[int]:
+        """The rows at which a sampled controller is called."""
+        control, sampler = self.segment.trajectory.control, self.system.sampler
+        if sampler is None or control is None:
+            return set()
+        period, following = sampler.period, control.next_sample
+        assert following is not None
+        due = np.floor(self.t / period + ROUNDING)
+        return {
+            row
+            for row, number in enumerate(due)
+            if number < following
+            and abs(self.t[row] - number * period) <= ROUNDING * period
+            and not (row == 0 and self._called_before(number))
+        }
+
+    def _called_before(self, number: float) -> bool:
+        """Tell whether the call of the first row was the last one of the segment before."""
+        if not self.number:
+            return False
+        control = self.whole.segments[self.number - 1].trajectory.control
+        return control is not None and (control.next_sample or 0) > number
+
+    @cached_property
+    def jumps(self) -> dict[int, Passing]:
+        """Events at which steps end and y' jumps, by row."""
+        found, last = {}, len(self.t) - 1
+        events = self.segment.trajectory.events
+        for time, event in zip(events.times, events.index, strict=True):
+            row = int(np.abs(self.t - time).argmin())
+            if not self.system.events[event].cuts or not 0 < row < last:
+                continue
+            size = max(self.t[row], self.t[row] - self.t[row - 1])
+            if abs(self.t[row] - time) > CLOSE * size:
+                continue
+            state = self.state(row, self.held[row - 1], from_left=True)
+            before, behind = self.beside(state, -ASIDE * size), self.beside(state, ASIDE * size)
+            jump = before - behind
+            if np.abs(jump).max() > SMOOTH * np.abs(before).max():
+                moment = self.whole.moment(self.chart, state, int(event), before)
+                found[row] = Passing(moment, jump, np.empty(0, int))
+        return found
+
+    def slope(self, y: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return y' in a state."""
+        motion = self.system.kernel(self.chart, "motion")
+        return motion.flat(y, u, self.system.p(self.chart))[:-1]
+
+    def beside(self, state: Sampling, aside: float) -> np.ndarray:
+        """Return y' at an event from one side, by two states along the motion there."""
+        (y,), (u,) = state.y, state.u
+        along = self.slope(y, u)
+        near, far = (self.slope(y + d * along, u) for d in (aside, 2 * aside))
+        return 2 * near - far
+
+    def ending(self, numbers: np.ndarray) -> Passing:
+        """Return the event that ends the run, where samples are taken."""
+        events = self.segment.trajectory.events.index
+        event = next(int(i) for i in events if self.system.events[i].terminal)
+        row = len(self.t) - 1
+        state = self.state(row, self.held[max(row - 1, 0)], from_left=True)
+        slope = self.slope(state.y[0], state.u[0])
+        return Passing(self.whole.moment(self.chart, state, event, slope), slope, numbers)
+
+
+def pieces(signal: Signal, t: np.ndarray, from_left: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pieces of a signal that times (K) are in, and the times since their knots."""
+    found = np.searchsorted(signal.knots, t, side="left" if from_left else "right") - 1
+    piece = np.clip(found, 0, len(signal.coefficients) - 1)
+    return piece, t - signal.knots[piece]
+
+
+def values(signal: Signal, t: np.ndarray, from_left: bool) -> np.ndarray:
+    """Return the values of a signal at times (K, columns)."""
+    piece, s = pieces(signal, t, from_left)
+    return np.einsum("km,kmc->kc", s[:, None] ** np.arange(4.0), signal.coefficients[piece])
+
+
+def rates_jacobian(chart: CompiledChart, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return the Jacobian of w = L v (nv) in (q, v, p)."""
+    kernel = chart.compiled("rates jacobian", run_kernels.rates_jacobian)
+    return kernel.flat(q, v, chart.p).reshape(chart.equations.nv, -1)
+
+
+@cache
+def plan_of(method: str) -> StepPlan:
+    """Return the method of this name as loops take it; refuse one that is not differentiated."""
+    for entry in METHODS.values():
+        if issubclass(entry.kind, FixedStep):
+            if entry.kind.name == method and entry.kind is not SymplecticEuler:
+                return entry.kind.plan
+        elif issubclass(entry.kind, Tableau) and (made := entry.make()).name == method:
+            assert isinstance(made, Tableau)
+            return made.plan
+    raise LinkworkError(
+        f"steps of {method} are not differentiated; give the run another method: 'sharp_smart', "
+        "'dormand_prince', 'dop853', or 'rk4' with a step"
+    )
+
+
+def retraced(
+    run: Run, samples: bool = True, system: System | None = None, cost: int | None = None
+) -> Retraced:
+    """Return a run in its own steps; refuse what cannot be differentiated.
+
+    Args:
+        samples: whether the saved instants are read, or the last state alone.
+        system: the run's, with more events behind its own; cost: which of these, if any, is
+            integrated over the run.
+    """
+    if not isinstance(run, Run):
+        raise LinkworkError(f"a run is differentiated, not {type(run).__name__}")
+    record = run.variables
+    if not isinstance(record, RunRecord):
+        raise LinkworkError(
+            "the run was read from a file, which holds its numbers alone; run it again by "
+            "robot.simulate to differentiate it"
+        )
+    require_differentiable(record)
+    every = run if run.every or run.again is None else run.again(None)
+    own = every.variables
+    assert isinstance(own, RunRecord)
+    segments = own.segments
+    if system is None:
+        span = float(segments[0].start[0]), float(segments[-1].trajectory.end_time)
+        system = with_jacobian(record.robot, record.system, span)
+    kept = record.kept if samples else [(segments[-1], np.array([-1]))]
+    first, count = len(segments) - len(kept), system.acting.held if system.acting else 0
+    read = [(segment.trajectory, rows) for segment, rows in kept]
+    t = np.concatenate([part.t[rows] for part, rows in read])
+    held = np.concatenate([part.u[rows, part.u.shape[1] - count :] for part, rows in read])
+    sampling = Sampling(
+        np.concatenate([np.full(len(rows), first + i) for i, (_, rows) in enumerate(read)]),
+        t,
+        np.concatenate([part.rows[rows, 1 : 1 + part.y_end.size] for part, rows in read]),
+        np.column_stack([values(system.inputs, t, False), held]),
+    )
+    return Retraced(record, system, segments, sampling, every.status is Status.EVENT, cost)
+
+
+def require_differentiable(record: RunRecord) -> None:
+    """Refuse runs with what has no derivative."""
+    sampler = record.system.sampler
+    if sampler is not None and not sampler.compiled:
+        raise LinkworkError(
+            "the sampled controller is a Python function, which cannot be differentiated; write it "
+            "with linkwork.math and give Sampler(..., compiled=True)"
+        )
+    if sampler is not None and sampler.quantise is not None:
+        raise LinkworkError(
+            "the sampled controller reads coordinates in whole steps, whose derivative is zero or "
+            "infinite; leave quantise out to differentiate the run"
+        )
+    for segment in record.segments:
+        if segment.crossed is not None:
+            raise LinkworkError(
+                f"the run stepped over a singular pose by t = {segment.trajectory.end_time:.9g} s, "
+                "where it has no derivative; differentiate a run that ends before it"
+            )
+        plan_of(segment.method)

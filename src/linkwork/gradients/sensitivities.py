@@ -1,0 +1,124 @@
+"""Sensitivities: how what a run recorded changes with the numbers that determine it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork import checks
+from linkwork.errors import LinkworkError
+from linkwork.gradients.links import LossSlopes, Partials
+from linkwork.gradients.numbers import Numbers
+from linkwork.gradients.retraced import Retraced, Sampling, retraced
+from linkwork.gradients.run_kernels import Expressions
+from linkwork.gradients.told import TOLD
+from linkwork.simulation import Run
+from linkwork.simulation.variables import Variable, dataset_of
+
+if TYPE_CHECKING:
+    import xarray
+
+NUMBER = "number"
+
+
+def sensitivity(
+    run: Run, quantities: Sequence[str] | str | None = None, to: Sequence[str] | str | None = None
+) -> xarray.Dataset:
+    """Return the derivatives of what a run recorded: `Run.sensitivity`."""
+    of = retraced(run)
+    wanted, numbers = quantities_of(run, quantities), Numbers(of)
+    names = numbers.chosen(to)
+    changes = numbers.changes(names)
+    for link in of.links:
+        link.along(changes)
+    # What is read, from the changes of states, inputs and parameters at the samples.
+    found = {}
+    for name in wanted:
+        told = run.variables[name]
+        values = np.empty((len(of.samples.t), len(names), int(np.prod(told.shape[1:]))))
+        for own, partials in readings(of, name, TOLD[name]):
+            states = changes.sample_y[own], changes.sample_held[own], changes.sample_t[own]
+            values[own] = partials.along(changes, *states)
+        require_finite(name, values)
+        shape = (*told.shape, len(names))
+        values = np.swapaxes(values, 1, 2).reshape(shape)
+        found[name] = Variable((*told.dims, NUMBER), values, told.attrs)
+    axes = {axis for variable in found.values() for axis in variable.dims}
+    coords = {axis: run.coords[axis] for axis in run.coords if axis in axes}
+    coords[NUMBER] = Variable((NUMBER,), np.array(names, dtype=object))
+    return dataset_of(found, coords, {})
+
+
+def pulled_back(
+    run: Run, weights: Mapping[str, ArrayLike], to: Sequence[str] | str | None = None
+) -> dict[str, float]:
+    """Return the derivatives of a sum of what a run recorded: `Run.gradient`."""
+    of = retraced(run)
+    given = checks.by_name(weights, "the weights", "{'tool_pose': ...}")
+    numbers = Numbers(of)
+    names, slopes = numbers.chosen(to), numbers.slopes()
+    for name in quantities_of(run, [*given]):
+        shape, bars = run.variables[name].shape, checks.finite(given[name], f"weights of {name}")
+        if bars.shape != shape:
+            raise LinkworkError(
+                f"the weights of {name} have the shape {bars.shape}; it was recorded in {shape}"
+            )
+        bars = bars.reshape(shape[0], -1)
+        for own, partials in readings(of, name, TOLD[name]):
+            add(slopes, own, partials, bars[own])
+    found = dict(zip(numbers.names, led_back(of, numbers, slopes).tolist(), strict=True))
+    return {name: found[name] for name in names}
+
+
+def add(slopes: LossSlopes, own: np.ndarray, partials: Partials, bars: np.ndarray) -> None:
+    """Add derivatives of a loss with respect to what is read at samples, of the numbers `own`."""
+    y, held, t = partials.against(slopes, bars)
+    slopes.sample_y[own] += y
+    slopes.sample_held[own] += held
+    slopes.sample_t[own] += t
+
+
+def led_back(of: Retraced, numbers: Numbers, slopes: LossSlopes) -> np.ndarray:
+    """Lead derivatives of a loss back to the start; return those with respect to all numbers."""
+    for link in reversed(of.links):
+        link.against(slopes)
+    found = numbers.gathered(slopes)
+    require_finite("the loss", found)
+    return found
+
+
+def readings(
+    of: Retraced, name: str, expression: Expressions
+) -> Iterator[tuple[np.ndarray, Partials]]:
+    """Yield the numbers of samples in the same segment, and the Jacobians of an expression at
+    them."""
+    for number in np.unique(of.samples.segment):
+        own = np.flatnonzero(of.samples.segment == number)
+        states = Sampling(*(part[own] for part in of.samples))
+        yield own, of.partials(of.segments[number].chart, name, expression, states)
+
+
+def quantities_of(run: Run, quantities: Sequence[str] | str | None) -> tuple[str, ...]:
+    """Return the quantities asked for, all that are differentiated where none are; refuse
+    others."""
+    known = tuple(name for name in TOLD if name in run.variables)
+    if quantities is None:
+        return known
+    asked = (quantities,) if isinstance(quantities, str) else checks.names(quantities, "quantities")
+    for name in asked:
+        if name in run.variables and name not in known:
+            raise LinkworkError(f"{name} is not differentiated; these are: {', '.join(known)}")
+    checks.known(asked, known, "quantity")
+    return asked
+
+
+def require_finite(what: str, values: np.ndarray) -> None:
+    """Refuse derivatives that are not defined."""
+    if not np.isfinite(values).all():
+        raise LinkworkError(
+            f"the derivative of {what} is not defined along this run: it passes something that has "
+            "none, such as the root or the direction of a vector that vanishes"
+        )

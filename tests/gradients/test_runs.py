@@ -1,0 +1,419 @@
+"""Derivatives of runs: the same steps in forty digits, differences of the same steps, and closed
+solutions."""
+
+from __future__ import annotations
+
+from functools import partial
+from itertools import pairwise
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import linkwork as lw
+from linkwork import math
+from linkwork.control import DCMotor, Event, Sampler
+
+FIXED = {"method": "rk4", "step": 0.01}
+TIGHT = {"rtol": 1e-12, "atol": 1e-13}
+
+
+def derivative(of, h=2e-3):
+    """Return the derivative of a function at zero, by differences extrapolated to order 8."""
+    found = [(of(d) - of(-d)) / (2 * d) for d in (h, h / 2, h / 4, h / 8)]
+    for power in (4, 16, 64):
+        found = [(power * b - a) / (power - 1) for a, b in pairwise(found)]
+    return found[0]
+
+
+def moved(robot, state, forces, options, quantities, name, d):
+    """Return the last values of a run of which one number is another by d."""
+    group, _, rest = name.partition(".")
+    options, start = dict(options), state
+    held = {own: float(state[own]) for own in state.independent}
+    if group == "positions":
+        start = robot.assemble(held | {rest: held[rest] + d}, guess=state, rates=state.rates)
+    elif group == "rates":
+        start = state.with_rates(state.rates + d * (np.array(state.independent) == rest))
+    elif group == "forces":
+        forces = np.asarray(forces) + d * (np.array(robot.actuators) == rest)
+    elif name in robot.parameters:
+        robot = robot.with_parameters({name: robot.parameters[name] + d})
+        start = robot.state(state.positions, state.rates, tolerance=0.1)
+    else:
+        options["parameters"] = {name: options["parameters"][name] + d}
+    run = robot.simulate(start, forces, **options)
+    return np.concatenate([run[own].values[-1].ravel() for own in quantities])
+
+
+def require_derivatives(
+    robot, state, forces, within=1e-9, quantities=("joint_rate",), h=2e-3, **options
+):
+    """Compare tangents with differences of the same steps, and the adjoint with the tangents;
+    return the run."""
+    run = robot.simulate(state, forces, **options)
+    told = run.sensitivity(list(quantities))
+    numbers = told["number"].values.tolist()
+    found = {
+        name: np.concatenate([told[own].sel(number=name).values[-1].ravel() for own in quantities])
+        for name in numbers
+    }
+    largest = max(np.abs(values).max() for values in found.values())
+    for name in numbers:
+        expected = derivative(partial(moved, robot, state, forces, options, quantities, name), h)
+        assert np.abs(found[name] - expected).max() < within * largest, name
+    weights = {
+        own: np.random.default_rng(0).normal(size=run.variables[own].shape) for own in quantities
+    }
+    back = run.gradient(weights)
+    sums = {
+        name: sum((weights[own] * told[own].sel(number=name).values).sum() for own in quantities)
+        for name in numbers
+    }
+    size = max(map(abs, sums.values()))
+    assert [*back] == numbers
+    assert all(abs(back[name] - sums[name]) < 1e-12 * size for name in numbers)
+    return run
+
+
+# The same steps in forty digits
+
+
+def swung(length, mass, angle, rate, torque, h, count):
+    """Return angle and rate of a pendulum of a point mass after steps of Kutta's method."""
+
+    def slope(y):
+        swing = -mpmath.mpf("9.81") / length * mpmath.cos(y[0]) + torque / (mass * length**2)
+        return mpmath.matrix([y[1], swing])
+
+    y = mpmath.matrix([angle, rate])
+    for _ in range(count):
+        k1 = slope(y)
+        k2 = slope(y + h / 2 * k1)
+        k3 = slope(y + h / 2 * k2)
+        k4 = slope(y + h * k3)
+        y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return y
+
+
+def test_tangents_and_adjoints_are_those_of_the_same_steps_in_forty_digits():
+    robot = lw.Robot(lw.robots.pendulum((0.8,), (1.3,))).free("rod_1.mass")
+    h, count = 0.0625, 16  # a step without rounding
+    run = robot.simulate(
+        robot.home.with_rates([0.7]), [2.5], duration=h * count, method="rk4", step=h
+    )
+    told = run.sensitivity(["joint_position", "joint_rate"])
+    with mpmath.workdps(60):
+        start = {"length": mpmath.mpf(0.8), "mass": mpmath.mpf(1.3), "h": mpmath.mpf(h)}
+        start |= {"angle": mpmath.mpf(0), "rate": mpmath.mpf(0.7), "torque": mpmath.mpf(2.5)}
+        tiny = mpmath.mpf(10) ** -20
+        exact = {}
+        for name, key in (
+            ("positions.hinge_1", "angle"),
+            ("rates.hinge_1", "rate"),
+            ("forces.hinge_1", "torque"),
+            ("rod_1.mass", "mass"),
+        ):
+            up, down = (swung(count=count, **start | {key: start[key] + d}) for d in (tiny, -tiny))
+            exact[name] = np.array(((up - down) / (2 * tiny)).tolist(), float).ravel()
+    for name, values in exact.items():
+        own = [told[q].sel(number=name).values[-1, 0] for q in ("joint_position", "joint_rate")]
+        assert own == pytest.approx(values, rel=1e-12, abs=1e-13)
+
+
+# Differences of the same steps
+
+
+def led(t, state):
+    """Draw the slides to 0.2 m, by free gains."""
+    kp, kd = state.parameter("kp", 20.0), state.parameter("kd", 2.0)
+    return [-kp * (state[name] - 0.2) - kd * state.rate(name) for name in SLIDES]
+
+
+SLIDES = ("slide_1", "slide_2", "slide_3")
+GAINS = {"kp": 20.0, "kd": 2.0}
+
+
+@pytest.mark.parametrize(
+    "law",
+    [led, Sampler(led, rate=50, compiled=True), Sampler(led, rate=50, compiled=True, delay=0.04)],
+    ids=["continuous", "sampled", "delayed"],
+)
+def test_controllers_their_gains_and_masses(law):
+    robot = lw.Robot("prr3").free("platform.mass")
+    for asked in ({}, {"samples": 7}):
+        options = FIXED | asked | {"parameters": GAINS}
+        require_derivatives(robot, robot.home, law, duration=0.2, **options)
+
+
+def test_steps_that_are_chosen_are_differentiated_to_the_tolerance():
+    robot = lw.Robot("prr3")
+    for asked in ({}, {"samples": 5}, {"method": "dop853"}, {"method": "dormand_prince"}):
+        options = TIGHT | asked
+        quantities = ("joint_position", "joint_rate", "tool_pose")
+        require_derivatives(
+            robot, robot.home, [1, 0.5, -0.3], 1e-8, quantities, duration=0.1, **options
+        )
+
+
+def test_changes_of_chart_lengths_gains_and_calls_together():
+    """The crank turns once while the rocker's rate is the first independent one."""
+    robot = lw.Robot(lw.robots.four_bar(), independent=["rocker_pivot"])
+    robot = robot.free("coupler.mass", "crank_pin.frames.0.position.x")
+    state = robot.assemble({"crank_pivot": 1.2}, rates={"crank_pivot": 9.0})
+
+    def law(t, seen):
+        return [seen.parameter("torque", 0.3) * math.sin(3 * t) - 0.02 * seen.rate("crank_pivot")]
+
+    run = require_derivatives(
+        robot,
+        state,
+        Sampler(law, rate=100, compiled=True),
+        1e-8,
+        ("joint_position", "joint_rate", "kinetic_energy", "joint_acceleration"),
+        2e-4,
+        duration=0.6,
+        method="rk4",
+        step=0.005,
+        samples=9,
+        parameters={"torque": 0.3},
+    )
+    assert run.attrs["charts"].count(";") == 1
+
+
+def test_spatial_loops_and_their_tool():
+    robot = lw.Robot("stewart")
+    names = ("joint_rate", "tool_pose", "potential_energy")
+    require_derivatives(robot, robot.home, np.full(6, 30.0), 1e-9, names, duration=0.03, **FIXED)
+
+
+TUMBLING = lw.Mechanism(
+    name="tumbling",
+    gravity=(0, 0, -9.81),
+    bodies={"box": lw.Body(mass=1.5, inertia={"xx": 0.1, "yy": 0.25, "zz": 0.3})},
+    joints={"free": lw.FreeJoint(connects=("ground", "box"))},
+)
+
+
+def test_turns_of_free_bodies_are_rotation_vectors():
+    """A step of positions.free.wx turns the body about the ground's x axis."""
+    robot, rates = lw.Robot(TUMBLING), np.array([0, 0, 0, 1.0, 4.0, 0.2])
+    turn = Rotation.from_rotvec([0.3, -0.5, 0.8])
+
+    def begun(turn):
+        x, y, z, w = turn.as_quat()
+        return robot.state([0.1, 0, 0, w, x, y, z], rates)
+
+    def final(turn, options):
+        run = robot.simulate(begun(turn), duration=0.4, **options)
+        return np.concatenate([run["joint_position"].values[-1], run["joint_rate"].values[-1]])
+
+    for options in ({"method": "rk4", "step": 0.05}, {"rtol": 1e-11, "atol": 1e-12}):
+        run = robot.simulate(begun(turn), duration=0.4, **options)
+        told = run.sensitivity(["joint_position", "joint_rate"], "positions")
+        for axis, unit in zip("xyz", np.eye(3), strict=True):
+            own = told.sel(number=f"positions.free.w{axis}")
+            parts = own.joint_position.values[-1], own.joint_rate.values[-1]
+            expected = derivative(
+                lambda d, unit=unit, options=options: final(
+                    Rotation.from_rotvec(d * unit) * turn, options
+                )
+            )
+            assert np.concatenate(parts) == pytest.approx(expected, abs=1e-9)
+
+
+# Events
+
+
+CART = lw.Mechanism(
+    name="cart",
+    gravity=(0, 0, 0),
+    bodies={"cart": lw.Body(mass=2.0, inertia={"zz": 1.0})},
+    joints={"rail": lw.PrismaticJoint(connects=("ground", "cart"), axis=(1, 0, 0))},
+    actuators=("rail",),
+)
+
+
+def test_the_time_of_an_event_that_ends_a_run_is_differentiated():
+    """x = x0 + v0 t + u t^2 / 2 m reaches a at v = sqrt(v0^2 + 2 u (a - x0) / m)."""
+    robot, a, u, v0 = lw.Robot(CART).free("cart.mass"), 0.5, 3.0, 0.4
+    end = Event(lambda t, state: state["rail"] - state.parameter("a", a), terminal=True)
+    state = robot.home.with_rates([v0])
+    run = robot.simulate(state, [u], duration=5, events=[end], **TIGHT)
+    told = run.sensitivity(["joint_position", "joint_rate"])
+    v, m = np.sqrt(v0**2 + 2 * u * a / 2.0), 2.0
+    exact = {
+        "positions.rail": (0, -u / m / v),
+        "rates.rail": (0, v0 / v),
+        "forces.rail": (0, a / m / v),
+        "cart.mass": (0, -u * a / m**2 / v),
+        "a": (1, u / m / v),
+    }
+    for name, values in exact.items():
+        own = [told[q].sel(number=name).values[-1, 0] for q in ("joint_position", "joint_rate")]
+        assert own == pytest.approx(values, abs=1e-11)
+    back = run.gradient({"joint_rate": np.eye(len(run.time))[-1:].T})
+    assert [back[name] for name in exact] == pytest.approx([x for _, x in exact.values()])
+
+
+def test_forces_that_jump_at_an_event_carry_the_jump_over():
+    """Under u1 up to a, and u2 from there on."""
+    robot, a, u1, u2, duration = lw.Robot(CART), 0.5, 3.0, -1.0, 1.2
+
+    def law(t, state):
+        one, other = state.parameter("u1", u1), state.parameter("u2", u2)
+        return [math.where(state["rail"] < state.parameter("a", a), one, other)]
+
+    switch = Event(lambda t, state: state["rail"] - state.parameter("a", a), cuts=True)
+    run = robot.simulate(robot.home, law, duration=duration, events=[switch], **TIGHT)
+
+    def final(x0=0.0, v0=0.0, u1=u1, u2=u2, a=a):
+        v = np.sqrt(v0**2 + 2 * u1 * (a - x0) / 2.0)
+        left = duration - (v - v0) / (u1 / 2.0)
+        return np.array([a + v * left + u2 / 4.0 * left**2, v + u2 / 2.0 * left])
+
+    told = run.sensitivity(["joint_position", "joint_rate"])
+    names = {"positions.rail": "x0", "rates.rail": "v0", "u1": "u1", "u2": "u2", "a": "a"}
+    base = {"u1": u1, "u2": u2, "a": a, "x0": 0.0, "v0": 0.0}
+    for name, key in names.items():
+        own = [told[q].sel(number=name).values[-1, 0] for q in ("joint_position", "joint_rate")]
+        shifted = derivative(lambda d, key=key: final(**{key: base[key] + d}))
+        assert own == pytest.approx(shifted, abs=1e-8)
+    back = run.gradient({"joint_position": np.eye(len(run.time))[-1:].T})
+    sums = told["joint_position"].values[-1, 0]
+    assert [*back.values()] == pytest.approx(sums, rel=1e-12, abs=1e-13)
+
+
+# Losses
+
+
+def test_a_loss_with_a_running_part_of_an_oscillator():
+    """x'' = -w^2 x:  int x^2 dt and x(T) in closed form."""
+    robot, w, duration = lw.Robot(CART), 3.0, 0.9
+
+    def law(t, state):
+        return [-2.0 * state.parameter("w", w) ** 2 * state["rail"]]
+
+    found = robot.gradient(
+        lambda t, state: state["rail"] ** 2 + t,
+        robot.home.with_rates([0.6]),
+        law,
+        duration=duration,
+        running=lambda t, state: state["rail"] ** 2,
+        **TIGHT,
+    )
+
+    def exact(v=0.6, w=w):
+        integral = duration / 2 - np.sin(2 * w * duration) / 4 / w
+        return (v / w) ** 2 * (np.sin(w * duration) ** 2 + integral) + duration
+
+    assert found.value == pytest.approx(exact(), rel=1e-11)
+    assert found["rates.rail"] == pytest.approx(derivative(lambda d: exact(v=0.6 + d)), rel=1e-9)
+    assert found["w"] == pytest.approx(derivative(lambda d: exact(w=w + d)), rel=1e-9)
+    assert found["rates"].shape == (1,) and found["parameters"] == pytest.approx([found["w"]])
+    assert "rates.rail" in repr(found)
+
+
+@pytest.mark.parametrize("kind", ["spline", "linear", "hold"])
+def test_values_of_sampled_forces(kind):
+    robot, t = lw.Robot("prr3"), np.linspace(0, 0.1, 6)
+    values = np.random.default_rng(1).normal(size=(6, 3))
+
+    def of(values):
+        forces = lw.Sampled(t, values, kind)
+        return robot.gradient(
+            lambda t, state: state.tool_pose[2], robot.home, forces, duration=0.1, **FIXED
+        )
+
+    found = of(values)
+    assert found.samples is not None
+    for place in ((0, 0), (3, 1), (5, 2)):
+        unit = np.zeros((6, 3))
+        unit[place] = 1
+        expected = derivative(lambda d, unit=unit: of(values + d * unit).value, 0.05)
+        assert found.samples[place] == pytest.approx(expected, rel=1e-8, abs=1e-12)
+
+
+def test_drives_and_their_states():
+    robot = lw.Robot("prr3")
+    motor = DCMotor(torque_constant=0.5, resistance=1.0, inductance=0.01)
+    drives = {"slide_1": motor}
+    run = robot.simulate(robot.home, [1.0, 0, 0], duration=0.1, drives=drives, **FIXED)
+    told = run.sensitivity("joint_rate")
+    scale = told.joint_rate.sel(number="slide_1.torque_constant").values[-1]
+
+    def other(d):
+        options = {"parameters": {"slide_1.torque_constant": 0.5 + d}}
+        found = robot.simulate(
+            robot.home, [1.0, 0, 0], duration=0.1, drives=drives, **options, **FIXED
+        )
+        return found["joint_rate"].values[-1]
+
+    assert scale == pytest.approx(derivative(other), rel=1e-9, abs=1e-10)
+    assert "states.slide_1.current" in told["number"].values
+
+
+# Refusals
+
+
+@pytest.fixture(scope="module")
+def run():
+    robot = lw.Robot("prr3")
+    return robot.simulate(robot.home, [1, 0.5, -0.3], duration=0.05)
+
+
+def refused(match, call, *given, **options):
+    with pytest.raises(lw.LinkworkError, match=match):
+        call(*given, **options)
+
+
+def test_names_and_weights_that_do_not_fit(run):
+    refused("no quantity 'pose'", run.sensitivity, "pose")
+    refused("work is not differentiated", run.sensitivity, ["work"])
+    refused("no number to differentiate by", run.sensitivity, None, "mass")
+    refused("the shape", run.gradient, {"tool_pose": [1, 2, 3]})
+    refused("weights", run.gradient, [1, 2])
+    refused("finite", run.gradient, {"tool_pose": np.full((len(run.time), 3), np.nan)})
+
+
+def test_what_has_no_derivative(run, tmp_path):
+    robot = lw.Robot("prr3")
+    stiff = robot.simulate(robot.home, duration=0.01, method="rodas")
+    refused("steps of Rodas5P are not differentiated", stiff.sensitivity)
+    euler = robot.simulate(robot.home, duration=0.01, method="symplectic_euler", step=0.005)
+    refused("steps of symplectic Euler", euler.sensitivity)
+    called = robot.simulate(robot.home, Sampler(lambda t, s: [0, 0, 0]), duration=0.01)
+    refused("a Python function", called.sensitivity)
+    rounded = Sampler(led, quantise=1e-3, compiled=True)
+    refused("whole steps", robot.simulate(robot.home, rounded, duration=0.01).sensitivity)
+    refused("read from a file", lw.Run.load(run.save(tmp_path / "run.nc")).sensitivity)
+    refused("there is no loss", robot.gradient, None, robot.home, duration=0.1)
+    refused("function of", robot.gradient, 3.0, robot.home, duration=0.1)
+    refused("option of a run", robot.gradient, led, robot.home, duration=0.1, steps=3)
+
+
+def test_lengths_that_would_open_a_loop():
+    robot = lw.Robot("bennett").free("hinge_2.frames.0.position.x", "crank.mass")
+    run = robot.simulate(robot.home.with_rates([1.0]), duration=0.05)
+    refused("would open with hinge_2.frames.0.position.x", run.sensitivity)
+    refused(
+        "would open with hinge_2",
+        robot.gradient,
+        lambda t, s: s.rate("hinge_1"),
+        robot.home,
+        duration=0.05,
+    )
+    assert np.isfinite(run.sensitivity("joint_rate", "crank.mass").joint_rate.values).all()
+
+
+def test_an_event_that_touches_zero():
+    """x = 1 / 2 - t + t^2 / 2 comes to rest at zero."""
+    robot = lw.Robot(CART)
+    touch = Event(lambda t, state: state["rail"], terminal=True)
+    start = robot.state([0.5], [-1.0])
+    for u, passes in ((2.0, False), (1.9, True)):
+        run = robot.simulate(start, [u], duration=3, events=[touch])
+        assert run.status.name == ("EVENT" if passes else run.status.name)
+        if run.status.name == "EVENT" and not passes:
+            refused("touches zero rather than passing it", run.sensitivity, "joint_rate")
