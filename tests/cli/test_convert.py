@@ -54,6 +54,19 @@ def test_a_file_that_exists_is_kept_unless_told_otherwise(tmp_path):
     assert lw.Mechanism.load(target) == lw.robots.prr3()
 
 
+def test_loops_are_written_beside_a_urdf(tmp_path):
+    target, beside = tmp_path / "robot.urdf", tmp_path / "robot.yaml"
+    result = call("prr3", target, "--loops", "beside", "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["written"] == [str(target), str(beside)]
+    assert beside.read_text().startswith("closed_loop: [[")
+    target.unlink()
+    assert "robot.yaml exists" in refused("prr3", target, "--loops", "beside")
+    assert "loops stand beside URDF alone" in refused(
+        "prr3", tmp_path / "one.xml", "--loops", "beside"
+    )
+
+
 @pytest.mark.parametrize(
     ("source", "target", "words"),
     [

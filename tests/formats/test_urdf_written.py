@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+from typing import Literal
 
 import numpy as np
 import pytest
+import yaml
 
 import linkwork as lw
 from linkwork.formats import load, save
@@ -30,9 +32,9 @@ PART = Inertia(xx=0.02, yy=0.03, zz=0.025, xy=0.001, xz=-0.002, yz=0.003)
 SKEW = Frame(position=(0.1, -0.2, 0.3), rotation=(0.3, -0.5, 0.7))
 
 
-def again(robot: lw.Robot, path) -> lw.Robot:
+def again(robot: lw.Robot, path, loops: Literal["inside", "beside"] = "inside") -> lw.Robot:
     """Return the robot that a written file is, from the same reference."""
-    save(robot.mechanism, path)
+    save(robot.mechanism, path, loops=loops)
     home = dict(zip(map(plain, robot.coordinates), robot.home.positions.tolist(), strict=True))
     names = load(path).mechanism.coordinates
     reference = {name: value for name, value in home.items() if name in names}
@@ -72,6 +74,78 @@ def test_what_is_written_is_read_as_the_same_robot(name, tmp_path):
     other = again(robot, tmp_path / "robot.urdf")
     assert other.mobility == robot.mobility
     assert difference(robot, other) < 1e-9
+
+
+@pytest.mark.parametrize(
+    "name", ["prr3", "four_bar", "bennett", "spatial_slider_crank", "agile_wrist", "stewart"]
+)
+def test_loops_beside_the_file_are_read_as_the_same_robot(name, tmp_path):
+    robot = lw.Robot(standing(name))
+    other = again(robot, tmp_path / "robot.urdf", "beside")
+    assert other.mobility == robot.mobility
+    assert difference(robot, other) < 1e-9
+    assert not re.search("<loop|<constraint|independent", (tmp_path / "robot.urdf").read_text())
+
+
+def test_loops_beside_the_file_are_written_as_others_have_them(tmp_path):
+    notes = save(standing("four_bar"), tmp_path / "bars.urdf", loops="beside")
+    lines = (tmp_path / "bars.yaml").read_text().splitlines()
+    frames = '[["closedloop1_A", "closedloop1_B"]]'
+    assert lines == [f"closed_loop: {frames}", 'type: ["6d"]', 'name_mot: ["crank_pivot"]']
+    assert any("the loops are in bars.yaml" in note for note in notes)
+    save(standing("stewart"), tmp_path / "six.urdf", loops="beside")
+    assert 'type: ["3d", ' in (tmp_path / "six.yaml").read_text()
+
+
+@pytest.mark.parametrize("name", ["prr3", "bennett", "spatial_slider_crank"])
+def test_pinocchio_finds_frames_beside_the_file_together(name, tmp_path):
+    """The frames that the file of loops names meet at home; those of 6d have the same axes."""
+    pin = pytest.importorskip("pinocchio")
+    robot = lw.Robot(standing(name))
+    save(robot.mechanism, tmp_path / "robot.urdf", loops="beside")
+    model = pin.buildModelFromUrdf(str(tmp_path / "robot.urdf"))
+    home = dict(zip(map(plain, robot.coordinates), robot.home.positions.tolist(), strict=True))
+    q = pin.neutral(model)
+    for name, joint in zip([*model.names][1:], [*model.joints][1:], strict=True):
+        x = home[name]
+        q[joint.idx_q : joint.idx_q + joint.nq] = [x] if joint.nq == 1 else [np.cos(x), np.sin(x)]
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    beside = yaml.safe_load((tmp_path / "robot.yaml").read_text())
+    for (A, B), kind in zip(beside["closed_loop"], beside["type"], strict=True):
+        first, second = (data.oMf[model.getFrameId(each)] for each in (A, B))
+        np.testing.assert_allclose(first.translation, second.translation, atol=1e-12)
+        if kind == "6d":
+            np.testing.assert_allclose(first.rotation, second.rotation, atol=1e-12)
+
+
+def test_a_driven_joint_that_closes_a_loop_is_driven_again(tmp_path):
+    """By a motor of the joint that carries the first frame, where <loop> has none."""
+    joints = tuple(lw.robots.four_bar().coordinates)
+    changes = {"actuators": joints, "gravity": EARTH}
+    robot = lw.Robot(lw.robots.four_bar().model_copy(update=changes))
+    with pytest.raises(MechanismError, match="closes a loop, which URDF drives none of"):
+        save(robot.mechanism, tmp_path / "robot.urdf")
+    other = again(robot, tmp_path / "robot.urdf", "beside")
+    assert other.actuators == joints
+    assert difference(robot, other) < 1e-9
+
+
+def test_where_loops_cannot_stand(tmp_path):
+    own = tmp_path / "arm.yaml"
+    standing("four_bar").save(own)
+    kept = own.read_text()
+    with pytest.raises(MechanismError, match=r"arm\.yaml: is there and holds no loops of a URDF"):
+        save(standing("four_bar"), tmp_path / "arm.urdf", loops="beside")
+    assert own.read_text() == kept
+    with pytest.raises(lw.LinkworkError, match="loops stand beside URDF alone"):
+        save(standing("four_bar"), tmp_path / "arm.xml", loops="beside")
+    with pytest.raises(lw.LinkworkError, match='loops is \'outside\'; give "inside" or "beside"'):
+        save(standing("four_bar"), tmp_path / "arm.urdf", loops="outside")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(
+        MechanismError, match="a rod joint, closes a loop, which neither two frames"
+    ):
+        save(standing("delta"), tmp_path / "delta.urdf", loops="beside")
 
 
 def test_ends_that_are_not_bounded_are_read_as_such(tmp_path):

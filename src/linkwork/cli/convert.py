@@ -3,7 +3,7 @@
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from linkwork import formats
 from linkwork.cli.catalogue import about, named, refuse_existing
@@ -12,16 +12,24 @@ from linkwork.cli.terminal import console, facts, patience, show_json
 from linkwork.mechanism import Mechanism
 
 
-def convert(source: Source, target: Path, overwrite: bool, as_json: bool) -> None:
+def convert(
+    source: Source,
+    target: Path,
+    loops: Literal["inside", "beside"],
+    overwrite: bool,
+    as_json: bool,
+) -> None:
     """Read a robot of the catalogue or a model file, write it in another format, and say what was
     left out."""
-    refuse_existing(target, overwrite)
+    files = [target, *[target.with_suffix(".yaml")] * (loops == "beside")]
+    for file in files:
+        refuse_existing(file, overwrite)
     with patience("reading the model"):
         imported = read(source)
     with patience("closing the loops"):
-        written = formats.save(imported.mechanism, target)
+        written = formats.save(imported.mechanism, target, loops=loops)
     if as_json:
-        found = {"notes": imported.notes, "left_out": written, "written": [target]}
+        found = {"notes": imported.notes, "left_out": written, "written": files}
         show_json(counts(imported.mechanism) | found)
         return
     out = console()
@@ -31,7 +39,7 @@ def convert(source: Source, target: Path, overwrite: bool, as_json: bool) -> Non
             out.print(f"notes on {file}:", soft_wrap=True)
         for note in notes:
             out.print(f"- {note}", soft_wrap=True)
-    out.print(f"{target} written", soft_wrap=True)
+    out.print(f"{', '.join(map(str, files))} written", soft_wrap=True)
 
 
 def read(source: Source) -> formats.Imported:

@@ -35,6 +35,11 @@ class FmiVersion(StrEnum):
     two = "2.0"
 
 
+class LoopPlace(StrEnum):
+    inside = "inside"
+    beside = "beside"
+
+
 class SymbolsOf(StrEnum):
     free = "free"
     all = "all"
@@ -175,6 +180,10 @@ def convert(
     packages: PackagePath = None,
     merging: Merging = True,
     includes: IncludeRoot = None,
+    loops: Annotated[
+        LoopPlace,
+        typer.Option(help="URDF: loops inside it, or beside it in a .yaml as LAAS has them."),
+    ] = LoopPlace.inside,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -185,6 +194,5 @@ def convert(
     """
     from linkwork.cli.convert import convert
 
-    convert(
-        Source(source, reference, floating, packages, merging, includes), target, overwrite, json
-    )
+    given = Source(source, reference, floating, packages, merging, includes)
+    convert(given, target, loops.value, overwrite, json)

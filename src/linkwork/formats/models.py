@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Literal
 
-from linkwork.checks import file_path
-from linkwork.errors import ModelWarning
+from linkwork.checks import file_path, shown
+from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.formats import xml
 from linkwork.formats.floating import floated
 from linkwork.formats.notes import Notes
@@ -139,13 +140,17 @@ def read(path: str | Path, reading: Reading = PLAIN) -> Imported:
     return Imported(mechanism.model_copy(update={"caveats": notes.caveats()}), notes.sentences())
 
 
-def save(mechanism: Mechanism, path: str | Path) -> tuple[str, ...]:
+def save(
+    mechanism: Mechanism, path: str | Path, *, loops: Literal["inside", "beside"] = "inside"
+) -> tuple[str, ...]:
     """Write a mechanism as a model file, replacing one of that name.
 
     Args:
         mechanism: what is written; for MJCF and SDF its loops are closed first, from its reference.
         path: .yaml or .yml, the native format; .xml or .mjcf, MJCF; .urdf, URDF with loops;
             .sdf or .world, SDF.
+        loops: of URDF: "inside" the file as <loop> and <constraint>, or "beside" it, in a file of
+            its name that ends in .yaml, as LAAS's example-parallel-robots have them.
 
     Returns:
         Notes: sentences on what the file does not hold or others take otherwise.
@@ -156,10 +161,18 @@ def save(mechanism: Mechanism, path: str | Path) -> tuple[str, ...]:
     """
     path = file_path(path, "the path of a model file")
     suffix = path.suffix.lower()
+    if loops not in ("inside", "beside"):
+        raise LinkworkError(f'loops is {shown(loops)}; give "inside" or "beside"')
+    if loops == "beside" and suffix != ".urdf":
+        raise LinkworkError(
+            f"{path}: loops stand beside URDF alone; name a file that ends in .urdf, or leave the "
+            "loops inside"
+        )
     if suffix in NATIVE:
         mechanism.save(path)
         return ()
     form = next((form for form in FORMATS if suffix in form.suffixes), None)
     if form is None:
         raise MechanismError(f"{path}: a model is written as {', '.join(READ)}, not {suffix!r}")
-    return form.opened().write(mechanism, path)
+    beside = {"beside": True} if loops == "beside" else {}
+    return form.opened().write(mechanism, path, **beside)

@@ -11,31 +11,35 @@ Source: the URDF specification, https://wiki.ros.org/urdf/XML; `sidecars` for th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from linkwork.equations.joints import ElementaryMotion, held_length, motions_of, pattern
+from linkwork.equations.joints import held_length, motions_of, pattern
 from linkwork.equations.topology import Branch, span
 from linkwork.formats import poses
 from linkwork.formats.masses import solid_of
 from linkwork.formats.mjcf.laws import numbers
-from linkwork.formats.notes import Notes
-from linkwork.formats.urdf.model import NO_LIMIT
+from linkwork.formats.urdf.closings import closings_place, closings_text, write_closing
+from linkwork.formats.urdf.sheet import (
+    UrdfSheet,
+    add_joint,
+    add_origin,
+    free_name,
+    steps_of,
+    tell_unheld,
+    write_steps,
+)
 from linkwork.mechanism import (
     GROUND,
     Box,
     Cylinder,
-    Limits,
     Mechanism,
-    MechanismError,
     PairJoint,
     Sphere,
 )
-from linkwork.mechanism.effects import Effects, Friction
+from linkwork.mechanism.effects import Friction
 from linkwork.mechanism.files import write_whole
 
 EARTH = (0.0, 0.0, -9.81)  # gravity where URDF is used
@@ -51,61 +55,59 @@ LOOPS = {
 """What a joint that closes a loop is called, by its motions."""
 
 
-@dataclass
-class UrdfSheet:
-    """Hold the file while it is written.
-
-    carriers: of each body, the frame of its link in it
-    """
-
-    mechanism: Mechanism
-    root: ET.Element
-    notes: Notes = field(default_factory=Notes)
-    carriers: dict[str, np.ndarray] = field(default_factory=lambda: {GROUND: np.eye(4)})
-
-    @property
-    def names(self) -> set[str]:
-        """The names of links and joints that are taken."""
-        return {element.attrib["name"] for element in self.root if "name" in element.attrib}
-
-    def refusal(self, what: str, instead: str) -> MechanismError:
-        return MechanismError(f"{self.mechanism.name}: {what}; {instead}")
-
-
-def write_urdf(mechanism: Mechanism, path: Path) -> tuple[str, ...]:
+def write_urdf(mechanism: Mechanism, path: Path, beside: bool = False) -> tuple[str, ...]:
     """Write a mechanism as URDF with loops; return notes on what the file does not hold.
 
+    Args:
+        beside: whether the loops stand in a file of its name that ends in .yaml (`closings`).
+
     Raises:
-        MechanismError: URDF cannot hold the mechanism, or the file cannot be written.
+        MechanismError: URDF cannot hold the mechanism, or a file cannot be written.
     """
-    text, notes = to_urdf(mechanism)
-    write_whole(path, text)
-    return notes
+    sheet = written(mechanism, beside)
+    place = closings_place(path) if beside else None
+    write_whole(path, text_of(sheet))
+    if place is not None:
+        write_whole(place, closings_text(sheet))
+        sheet.notes.say(f"the loops are in {place.name}")
+    return sheet.notes.sentences()
 
 
 def to_urdf(mechanism: Mechanism) -> tuple[str, tuple[str, ...]]:
     """Return the text of a URDF file and notes."""
-    sheet = UrdfSheet(mechanism, ET.Element("robot", name=mechanism.name))
+    sheet = written(mechanism)
+    return text_of(sheet), sheet.notes.sentences()
+
+
+def text_of(sheet: UrdfSheet) -> str:
+    """Return the text of a file."""
+    ET.indent(sheet.root)
+    return ET.tostring(sheet.root, encoding="unicode") + "\n"
+
+
+def written(mechanism: Mechanism, beside: bool = False) -> UrdfSheet:
+    """Return a file with all that it holds; beside: whether loops stand in a file of their own."""
+    sheet = UrdfSheet(mechanism, ET.Element("robot", name=mechanism.name), beside)
     refuse_what_moves(sheet)
     topology = span(mechanism)
-    for name in topology.cuts:
+    for name in () if beside else topology.cuts:
         if cut_rates := {*topology.closing[name].rates(name)} & {*mechanism.actuators}:
             raise sheet.refusal(
                 f"the driven joint {min(cut_rates)!r} closes a loop, which URDF drives none of",
-                "write .xml (MJCF) or .yaml",
+                "write its loops beside it, or .xml (MJCF) or .yaml",
             )
     # Links and joints of the tree, from ground outwards; then what closes its loops.
     ET.SubElement(sheet.root, "link", name=GROUND)
     for branch in topology.branches:
         write_branch(sheet, branch, topology.joints[branch.joint])
     for name, joint in topology.closing.items():
-        write_loop(sheet, name, joint)
+        close = write_closing if beside else write_loop
+        close(sheet, name, joint)
     write_gears(sheet)
     for name, tool in mechanism.tools.items():
         write_tool(sheet, name, tool.body, poses.of_frame(tool.frame))
     tell_losses(sheet)
-    ET.indent(sheet.root)
-    return ET.tostring(sheet.root, encoding="unicode") + "\n", sheet.notes.sentences()
+    return sheet
 
 
 def refuse_what_moves(sheet: UrdfSheet) -> None:
@@ -139,113 +141,8 @@ def write_branch(sheet: UrdfSheet, branch: Branch, joint: PairJoint) -> None:
         tell_unheld(sheet, branch.joint, joint)
         return
     # Each motion a hinge or a slide, with links between; a screw is both.
-    steps = steps_of(joint, branch, not branch.reversed)
-    parent = branch.parent
-    for place, (label, motion, own) in enumerate(steps):
-        last = place == len(steps) - 1
-        child = branch.body if last else free_name(sheet, f"between {branch.joint}")
-        if not last:
-            ET.SubElement(sheet.root, "link", name=child)
-        write_step(sheet, label, motion, own, (parent, child), X)
-        parent, X = child, np.eye(4)
-
-
-Steps = list[tuple[str, ElementaryMotion, Effects | None]]
-
-
-def steps_of(joint: PairJoint, branch: Branch, forwards: bool) -> Steps:
-    """Return hinges and slides of a joint with their names; a slide of a screw follows its
-    hinge."""
-    effects = list(joint.effects().values()) or [Effects()] * len(motions_of(joint))
-    found: Steps = []
-    labels = joint.coordinates(branch.joint)
-    for label, motion, own in zip(labels, motions_of(joint), effects, strict=True):
-        found.append((label, motion if forwards else motion.reversed(), own))
-        if motion.what == "screw":
-            found.append((label, motion if forwards else motion.reversed(), None))
-    return found if forwards else found[::-1]
-
-
-def write_step(
-    sheet: UrdfSheet,
-    label: str,
-    motion: ElementaryMotion,
-    own: Effects | None,
-    links: tuple[str, str],
-    X: np.ndarray,
-) -> None:
-    """Write a hinge or a slide; `own` is None for the slide that follows a screw's hinge."""
-    name = label.replace(".", "_")
-    if own is None:
-        pitch = float(motion.pitch)  # pyright: ignore[reportArgumentType]
-        element = add_joint(sheet, f"{name}_advance", "prismatic", *links, X, motion.turn)
-        ET.SubElement(element, "limit", bounds(Limits()))
-        ET.SubElement(element, "mimic", joint=name, multiplier=repr(pitch), offset="0")
-        element.set("independent", "false")
-        return
-    slides = motion.what == "slide"
-    axis = np.asarray(motion.slide if slides else motion.turn, float)
-    bounded = slides or own.limits != Limits()
-    kind = "prismatic" if slides else "revolute" if bounded else "continuous"
-    element = add_joint(sheet, name, kind, *links, X, axis)
-    driven = label in sheet.mechanism.actuators
-    element.set("independent", "true" if driven else "false")
-    if bounded:
-        ET.SubElement(element, "limit", bounds(own.limits))
-    if own.friction.viscous or own.friction.coulomb:
-        friction = own.friction
-        damping = {"damping": repr(friction.viscous), "friction": repr(friction.coulomb)}
-        ET.SubElement(element, "dynamics", damping)
-    if own.spring.stiffness:
-        gazebo = ET.SubElement(sheet.root, "gazebo", reference=name)
-        ET.SubElement(gazebo, "springStiffness").text = repr(own.spring.stiffness)
-        ET.SubElement(gazebo, "springReference").text = repr(own.spring.rest)
-
-
-def bounds(limits: Limits) -> dict[str, str]:
-    """Return the attributes of <limit>; URDF wants both ends, and an effort and a velocity."""
-    lower = -NO_LIMIT if limits.lower is None else limits.lower
-    upper = NO_LIMIT if limits.upper is None else limits.upper
-    return {"lower": repr(lower), "upper": repr(upper), "effort": "0", "velocity": "0"}
-
-
-def add_joint(
-    sheet: UrdfSheet,
-    name: str,
-    kind: str,
-    parent: str,
-    child: str,
-    X: np.ndarray,
-    axis: np.ndarray | None = None,
-) -> ET.Element:
-    """Add a joint of the tree."""
-    if any(other.attrib["name"] == name for other in sheet.root.iter("joint")):
-        raise sheet.refusal(
-            f"two joints would be called {name!r}, for URDF's names have no dots", "rename one"
-        )
-    element = ET.SubElement(sheet.root, "joint", name=name, type=kind)
-    add_origin(element, X)
-    ET.SubElement(element, "parent", link=parent)
-    ET.SubElement(element, "child", link=child)
-    if axis is not None:
-        ET.SubElement(element, "axis", xyz=numbers(axis))
-    return element
-
-
-def add_origin(element: ET.Element, X: np.ndarray, tag: str = "origin") -> None:
-    """Add a pose by position and the angles of Rz(yaw) Ry(pitch) Rx(roll)."""
-    angles = Rotation.from_matrix(X[:3, :3]).as_euler("xyz")
-    ET.SubElement(element, tag, xyz=numbers(X[:3, 3]), rpy=numbers(angles))
-
-
-def free_name(sheet: UrdfSheet, wanted: str) -> str:
-    """Return a name that no link, joint or body has."""
-    taken, name = sheet.names | {*sheet.mechanism.bodies}, wanted
-    count = 1
-    while name in taken:
-        count += 1
-        name = f"{wanted} {count}"
-    return name
+    steps = steps_of(joint, branch.joint, not branch.reversed)
+    write_steps(sheet, branch.joint, steps, (branch.parent, branch.body), X)
 
 
 # ------------------------------------------------------------------------------------------- links
@@ -322,16 +219,6 @@ def write_loop(sheet: UrdfSheet, name: str, joint: PairJoint) -> None:
         axis = getattr(joint, "axis", (0.0, 0.0, 1.0))
         ET.SubElement(element, "axis", xyz=numbers(axis))
     tell_unheld(sheet, name, joint)
-
-
-def tell_unheld(sheet: UrdfSheet, name: str, joint: PairJoint) -> None:
-    """Note what acts in a joint that is no hinge or slide of the tree."""
-    if any(any(own.loads) for own in joint.effects().values()):
-        sheet.notes.say(
-            f"joints.{name}: friction, springs, stops and rotors are left out: URDF has them in "
-            "hinges and slides of the tree alone",
-            alters=True,
-        )
 
 
 def write_constraint(sheet: UrdfSheet, name: str, joint: PairJoint, ends: list[np.ndarray]) -> None:
