@@ -28,6 +28,10 @@ MEANING = {
 QUIET = {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes"}
 
 
+class NoOptimumError(LinkworkError):
+    """Tell that no local optimum is found from a start."""
+
+
 @dataclass(frozen=True, eq=False)
 class LocalOptimum:
     """Hold a local optimum: x, f(x), the steps that led there, the residual of stationarity over
@@ -58,7 +62,7 @@ class Programme:
             what: is looked for, as refusals name it; steps: most of them.
 
         Raises:
-            LinkworkError: IPOPT ends elsewhere, with its own word why; conditions that are not
+            NoOptimumError: IPOPT ends elsewhere, with its own word why; conditions that are not
                 fulfilled.
         """
         options = {**QUIET, "ipopt.tol": TOLERANCE, "ipopt.max_iter": steps}
@@ -68,14 +72,14 @@ class Programme:
         found, told = solver(x0=self.start, **limits), solver.stats()
         word, count = str(told["return_status"]), int(told["iter_count"])
         if not told["success"]:
-            raise LinkworkError(
+            raise NoOptimumError(
                 f"no {what} is found: {MEANING.get(word, f'IPOPT ends with {word}')} "
                 f"({count} steps)"
             )
         x = found["x"].full().ravel()
         residuals = self._residuals(x, found["lam_x"], found["lam_g"])
         if not (residuals[0] < STATIONARY and residuals[1] < KEPT):
-            raise LinkworkError(
+            raise NoOptimumError(
                 f"no {what} is found: where IPOPT ends after {count} steps its conditions stay "
                 f"open by {residuals[0]:.2g} (stationarity) and {residuals[1]:.2g} (constraints)"
             )

@@ -1,0 +1,343 @@
+"""Optimal motion: from state to state in the least time, or with the least effort, within what the
+actuators give.
+
+    min T    or    min integral of u'u dt,    (q, v)' = f(q, v, u),    |u| <= U, ...
+
+by collocation (`collocation`) and IPOPT. The loops are closed in f: there are no multipliers. What
+is found is a local optimum of the mesh, whose forces are then given to the robot: its integrator,
+which knows nothing of the mesh, tells where it ends. Along a given way the law of the least time
+is a convex problem, which `motions.fastest` solves as a whole; it is the guess here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+
+from linkwork import checks
+from linkwork.design.collocation import MotionMesh, determinant
+from linkwork.errors import LinkworkError
+from linkwork.export.implicit import require_coordinates
+from linkwork.ipopt import LocalOptimum, NoOptimumError, Programme
+from linkwork.model.state import State
+from linkwork.motions import ActuatorLimits, AxisLimits, TimedPath, fastest, follow, point_to_point
+from linkwork.patience import announced
+from linkwork.robot import Robot
+from linkwork.simulation import Run, Sampled
+
+STEPS = 1000
+LEAST, MOST = 4, 1000  # intervals
+MISSED = 1e-3  # in own units, by which the robot may end elsewhere
+SHORTEST = 1e-3  # duration that is tried, over that of the guess
+SLOWEST = 4.0  # duration over that of a motion at the limits of force, of a guess without them
+STRETCHED = (1.0, 2.0, 4.0)  # by which the guess is slowed where nothing is found from it
+FINE = 20  # points in an interval at which the run is looked at
+
+
+@dataclass(frozen=True, eq=False)
+class OptimalMotion:
+    """Hold a motion that is locally optimal.
+
+    duration: T [s]; cost: T [s], or the integral of u'u [N^2 s, N^2 m^2 s]; minimised: which
+    forces: of the actuators, constant in each interval
+    run: of the robot under these forces, found by its own integrator; missed: by which it ends
+        elsewhere, of each independent coordinate [m, rad]
+    used: largest part of the limits of force, speed and power that any actuator takes in the run
+    steps: of IPOPT; stationarity: residual of the conditions of optimality over the largest
+        multiplier
+    """
+
+    duration: float
+    cost: float
+    minimised: str
+    forces: Sampled
+    run: Run
+    missed: np.ndarray
+    used: dict[str, float]
+    steps: int
+    stationarity: float
+
+    def __repr__(self) -> str:
+        said = "least time" if self.minimised == "time" else f"least effort {self.cost:.6g}"
+        used = ", ".join(f"{kind} {share:.1%}" for kind, share in self.used.items())
+        return "\n".join(
+            [
+                f"Motion in {self.duration:.6g} s, {said}, locally optimal on "
+                f"{len(self.forces.times) - 1} intervals ({self.steps} steps)",
+                f"  simulated with its forces it ends off by {np.abs(self.missed).max():.2g}",
+                *([f"  of what is allowed the run takes: {used}"] if used else []),
+            ]
+        )
+
+
+@announced("optimising the motion")
+def optimal_motion(
+    robot: Robot,
+    start: State,
+    end: State,
+    limits: ActuatorLimits,
+    *,
+    minimise: Literal["time", "effort"] = "time",
+    duration: float | None = None,
+    intervals: int = 30,
+    apart: float = 0.05,
+    guess: TimedPath | None = None,
+) -> OptimalMotion:
+    """Find how a robot goes from one state to another in the least time, or with the least effort.
+
+    Args:
+        robot: that moves; it may have fewer actuators than freedoms.
+        start, end: states, whose rates are those there.
+        limits: of its actuators; they hold at the points of the mesh.
+        minimise: the "time"; or the "effort", the integral of u'u over a given duration, to which
+            what motors lose is proportional.
+        duration: T [s], of the least effort.
+        intervals: in which forces are constant: more of them come nearer to the optimum.
+        apart: from singular poses: the least determinant of the loops with the independent rates
+            over that at the start, which is zero where the actuators cease to hold the robot.
+        guess: a timed path of the independent coordinates; the fastest straight way of these if
+            left out.
+
+    Returns:
+        An `OptimalMotion`, a local optimum on its mesh: other ways may be shorter.
+
+    Raises:
+        LinkworkError: states on two sides of a singular pose; a rate without a coordinate; no
+            optimum found, and why; forces that lead the robot elsewhere, for the mesh is too
+            coarse.
+    """
+    # One robot, two states in its own rates, and a cost.
+    if not isinstance(robot, Robot):
+        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    if not isinstance(limits, ActuatorLimits):
+        raise LinkworkError(
+            f"the limits are {checks.shown(limits)}; give motions.ActuatorLimits(force=...)"
+        )
+    refuse_cost(robot, minimise, duration)
+    ends = own_state(robot, start, "the start"), own_state(robot, end, "the end")
+    count = checks.count(intervals, "the number of intervals")
+    if not LEAST <= count <= MOST:
+        raise LinkworkError(f"the number of intervals is {count}; give {LEAST} to {MOST}")
+    refuse_apart(robot, ends, apart)
+    # The programme from a guess, and the robot under the forces that are found.
+    mesh = MotionMesh(robot, count)
+    if not (guess is None or isinstance(guess, TimedPath)):
+        raise LinkworkError(
+            f"the guess is {checks.shown(guess)}; give a timed path made by linkwork.motions"
+        )
+    timed = straight(robot, ends, limits) if guess is None else guess
+    found, T, u = tried(mesh, ends, limits, timed, duration, apart)
+    times = np.linspace(0.0, T, count + 1)
+    forces = Sampled(times, np.vstack([u.T, u[:, -1]]), "hold")
+    run, missed = simulated(robot, ends, forces, T)
+    return OptimalMotion(
+        T,
+        T if minimise == "time" else found.value,
+        minimise,
+        forces,
+        run,
+        missed,
+        shares(robot, run, forces, limits),
+        found.steps,
+        found.stationarity,
+    )
+
+
+def tried(
+    mesh: MotionMesh,
+    ends: tuple[State, State],
+    limits: ActuatorLimits,
+    timed: TimedPath,
+    duration: float | None,
+    apart: float,
+) -> tuple[LocalOptimum, float, np.ndarray]:
+    """Return what is found from a guess, or else from slower ones."""
+    *others, last = STRETCHED
+    for factor in others:
+        try:
+            return solved(
+                mesh, ends, limits, guessed(mesh, ends, limits, timed, factor), duration, apart
+            )
+        except NoOptimumError:
+            continue
+    return solved(mesh, ends, limits, guessed(mesh, ends, limits, timed, last), duration, apart)
+
+
+def solved(
+    mesh: MotionMesh,
+    ends: tuple[State, State],
+    limits: ActuatorLimits,
+    guess: tuple[float, np.ndarray, np.ndarray],
+    duration: float | None,
+    apart: float,
+) -> tuple[LocalOptimum, float, np.ndarray]:
+    """Return the local optimum, its duration, and its forces (actuators, intervals)."""
+    robot, (T_guess, y_guess, u_guess) = mesh.robot, guess
+    y, u = ca.MX.sym("y", *y_guess.shape), ca.MX.sym("u", *u_guess.shape)
+    free = duration is None
+    share = ca.MX.sym("share", int(free))  # of the guessed duration
+    T = T_guess * share if free else ca.MX(duration)
+    # All of q at the begin, the independent coordinates at the end: loops stay closed.
+    nq, given = robot.equations.nq, require_coordinates(robot, robot.equations)
+    start, end = ends
+    held = [
+        *mesh.equations(y, u, T),
+        y[:, 0] - ca.DM(np.concatenate([start.q, start.rates])),
+        y[given, -1] - ca.DM(end.q[given]),
+        y[nq:, -1] - ca.DM(end.rates),
+    ]
+    # Limits at all points, with the forces of their intervals.
+    which = np.append(np.repeat(np.arange(mesh.intervals), len(mesh.parts)), mesh.intervals - 1)
+    margins = mesh.margins(limits, start, apart).map(len(which))
+    kept = ca.vec(margins(y[:nq, :], y[nq:, :], u[:, which.tolist()]))
+    g, count = ca.vertcat(*map(ca.vec, held), kept), sum(part.numel() for part in held)
+    most = np.tile(limits.of(robot.actuators)["force"], mesh.intervals)
+    still = np.full(y_guess.size, np.inf)
+    programme = Programme(
+        ca.vertcat(share, ca.vec(u), ca.vec(y)),
+        ca.sum1(share) if free else ca.sumsqr(u) * duration / mesh.intervals,
+        g,
+        np.concatenate([[1.0] * free, u_guess.ravel(order="F"), y_guess.ravel(order="F")]),
+        (
+            np.concatenate([[SHORTEST] * free, -most, -still]),
+            np.concatenate([[np.inf] * free, most, still]),
+        ),
+        (
+            np.zeros(g.numel()),
+            np.concatenate([np.zeros(count), np.full(kept.numel(), np.inf)]),
+        ),
+    )
+    found = programme.solve("motion within all limits", STEPS)
+    time = float(T_guess * found.x[0]) if free else float(duration or 0.0)
+    forces = found.x[int(free) : int(free) + u_guess.size].reshape(u_guess.shape, order="F")
+    return (
+        found,
+        time,
+        np.clip(forces, *(k * most.reshape(u_guess.shape, order="F") for k in (-1, 1))),
+    )
+
+
+def guessed(
+    mesh: MotionMesh,
+    ends: tuple[State, State],
+    limits: ActuatorLimits,
+    path: TimedPath,
+    factor: float,
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return a duration, states (nq + n, points) and forces (actuators, intervals) to begin with:
+    those along a timed path, slowed by a factor."""
+    robot, timed = mesh.robot, TimedPath(path.path, factor * path.duration, path.names)
+    motion = follow(robot, timed, samples=20 * mesh.intervals + 1, guess=ends[0], keep_limits=False)
+    rows = np.hstack([motion.state.q, motion.state.rates]).T
+    y = np.array([np.interp(mesh.times * timed.duration, motion.time, row) for row in rows])
+    u = np.zeros((len(robot.actuators), mesh.intervals))
+    if robot.actuators == robot.independent:
+        middles = (np.arange(mesh.intervals) + 0.5) / mesh.intervals * timed.duration
+        forces = np.array(robot.inverse_dynamics(motion)).T
+        most = limits.of(robot.actuators)["force"][:, None]
+        u = np.array([np.interp(middles, motion.time, row) for row in forces])
+        u = np.clip(u, -most, most)
+    return float(timed.duration), y, u
+
+
+def straight(robot: Robot, ends: tuple[State, State], limits: ActuatorLimits) -> TimedPath:
+    """Return the straight way of the independent coordinates, as fast as the actuators can; where
+    they cannot hold the robot on it, by their force against inertia alone."""
+    places = {name: [float(state[name]) for state in ends] for name in robot.independent}
+    if all(first == last for first, last in places.values()):
+        raise LinkworkError("the end is where the start is; give another one, or a guess")
+    first, last = ({name: pair[k] for name, pair in places.items()} for k in (0, 1))
+    path = point_to_point(first, last, AxisLimits(speed=1.0), law="quintic")
+    try:
+        return fastest(robot, path, limits)
+    except LinkworkError:
+        way = np.array([last[name] - first[name] for name in robot.independent])
+        M, S = robot.mass_matrix(ends[0]), robot.actuation(ends[0])
+        most = limits.of(robot.actuators)["force"]
+        able = float(np.abs(S).T @ np.where(np.isfinite(most), most, 0.0) @ np.abs(way))
+        time = SLOWEST * np.sqrt(float(way @ M @ way) / able) if able > 0 else 1.0
+        return TimedPath(path.path, time, path.names)
+
+
+def simulated(
+    robot: Robot, ends: tuple[State, State], forces: Sampled, T: float
+) -> tuple[Run, np.ndarray]:
+    """Return the robot's run under forces, and by how much it ends elsewhere (n)."""
+    start, end = ends
+    run = robot.simulate(start, forces, duration=T)
+    if not run.success:
+        raise LinkworkError(
+            f"the robot does not get to the end with the forces that are found ({run.message}); "
+            "give more intervals, or keep farther apart from singular poses"
+        )
+    names = robot.independent
+    missed = np.array([float(run.final[name]) - float(end[name]) for name in names])
+    own = np.array([robot.equations.tree.length if robot.unit(n) == "m" else 1.0 for n in names])
+    if not np.abs(missed / own).max() <= MISSED:
+        raise LinkworkError(
+            f"with the forces that are found the robot ends off by {np.abs(missed).max():.2g}, for "
+            f"{len(forces.times) - 1} intervals are too coarse; give more"
+        )
+    return run, missed
+
+
+def shares(robot: Robot, run: Run, forces: Sampled, limits: ActuatorLimits) -> dict[str, float]:
+    """Return the largest part of each kind of limit that an actuator takes in a run."""
+    given, fine = limits.of(robot.actuators), run.resampled(FINE * (len(forces.times) - 1) + 1)
+    values = {"force": forces.values, "power": fine["actuator_power"].values}
+    if {*robot.actuators} <= {*robot.rates}:
+        places = [robot.rates.index(name) for name in robot.actuators]
+        values["speed"] = fine["joint_rate"].values[:, places]
+    return {
+        kind: float((np.abs(values[kind]) / given[kind]).max())
+        for kind in ("force", "speed", "power")
+        if kind in values and np.isfinite(given[kind]).any()
+    }
+
+
+def own_state(robot: Robot, state: State, what: str) -> State:
+    """Return one state in the robot's own independent rates."""
+    if not isinstance(state, State):
+        raise LinkworkError(
+            f"{what} is {checks.shown(state)}; give a State, as robot.assemble does"
+        )
+    if robot.own(state).batch:
+        raise LinkworkError(f"{what} is a stack of states; give one of them")
+    return robot.in_chart(state, robot.independent)
+
+
+def refuse_cost(robot: Robot, minimise: str, duration: float | None) -> None:
+    """Refuse what is no cost, and an effort without a duration, or in two units."""
+    if minimise not in ("time", "effort"):
+        raise LinkworkError(
+            f"what is to be least is {checks.shown(minimise)}; give 'time' or 'effort'"
+        )
+    if (minimise == "effort") != (duration is not None):
+        raise LinkworkError("give a duration for the least effort, and none for the least time")
+    if duration is not None:
+        checks.positive(duration, "the duration", " s")
+        if len({robot.unit(name) for name in robot.actuators}) > 1:
+            raise LinkworkError(
+                "some actuators turn and others slide, whose forces have no common square; take "
+                "the least time"
+            )
+
+
+def refuse_apart(robot: Robot, ends: tuple[State, State], apart: float) -> None:
+    """Refuse ends between which lies a singular pose, or that are nearer to one than allowed."""
+    if not 0 < checks.number(apart, "the distance from singular poses") < 1:
+        raise LinkworkError(f"apart is {apart:g}; give a part of the determinant between 0 and 1")
+    D = determinant(robot)
+    if D is None:
+        return
+    here, there = (float(D(state.q, robot.p)) for state in ends)
+    if not there / here > apart:
+        raise LinkworkError(
+            f"the determinant at the end is {there / here:.3g} of that at the start, so that a "
+            f"singular pose of {', '.join(robot.independent)} lies "
+            + ("between them" if there / here <= 0 else f"nearer than apart = {apart:g} allows")
+            + "; give other states"
+        )
