@@ -3,6 +3,7 @@
 what: forward_dynamics   v' (n) for u                         given: u
       inverse_dynamics   M v' + C v + G - f (n)               given: v'
       mass_matrix        M (n n, column by column)
+      actuation          S (actuators n, column by column)
       closure            q, w (nq + nv) of the tree
       joints             coordinates, rates (m + mr) of all joints
       tool               pose (13), twist (6); derived: twist [omega; v] of the pose (6), twist (6)
@@ -55,6 +56,11 @@ def inverse_dynamics(equations: Equations) -> Differentiable:
 def mass_matrix(equations: Equations) -> Differentiable:
     """Return M (n n), column by column."""
     return Throughout(Tangent(equations), ca.vec(equations.inertia[0]))
+
+
+def actuation(equations: Equations) -> Differentiable:
+    """Return S (actuators n), column by column."""
+    return Throughout(Tangent(equations), ca.vec(equations.actuation))
 
 
 def closure(equations: Equations) -> Differentiable:
@@ -114,10 +120,29 @@ def drift(equations: Equations) -> ca.Function:
     return functions.function("drift", equations, outputs, v=equations.v)
 
 
+def opening(equations: Equations) -> ca.Function:
+    """Return q -> by how much free numbers open the rows that the chart leaves out (rows x np),
+    where the others are closed, how far they move any row by themselves (np), both in own units,
+    and the weakest relative pivot."""
+    tangent, rows = Tangent(equations), equations.rows
+    phi, kept = rows.phi / rows.units, set(equations.chart.rows)
+    left = [index for index in range(len(rows.names)) if index not in kept]
+    n, count = equations.mobility, equations.p.numel()
+    step = Shift(SX(n, count), SX(n, count), SX.eye(count))
+    alone = ca.densify(ca.fabs(ca.jacobian(phi, equations.p)))
+    outputs = {
+        "opened": tangent.forward(phi[left], step),
+        "size": ca.vertcat(SX(0, 1), *map(ca.mmax, ca.horzsplit(alone))),
+        "pivot": equations.elimination.pivot,
+    }
+    return functions.function("opening", equations, outputs)
+
+
 DIFFERENTIABLE: dict[str, Callable[[Equations], Differentiable]] = {
     "forward_dynamics": forward_dynamics,
     "inverse_dynamics": inverse_dynamics,
     "mass_matrix": mass_matrix,
+    "actuation": actuation,
     "closure": closure,
     "joints": joints,
     "tool": tool,
@@ -139,6 +164,11 @@ def compiled(chart: CompiledChart, what: str, form: Form) -> Kernel:
 def compiled_drift(chart: CompiledChart) -> Kernel:
     """Return the kernel of `drift` in a chart, as `compiled` does."""
     return stored(chart, "drift", drift)
+
+
+def compiled_opening(chart: CompiledChart) -> Kernel:
+    """Return the kernel of `opening` in a chart, as `compiled` does."""
+    return stored(chart, "opening", opening)
 
 
 def stored(chart: CompiledChart, name: str, make: Callable[[Equations], ca.Function]) -> Kernel:

@@ -123,7 +123,12 @@ class ForwardDynamics:
 
     def backward(self, weights: ca.SX) -> Slopes:
         y = self.answer(weights)
-        found = self.missing.at(self.value, self.missing.backward(-y))
+        if weights.shape[1] < self.rows:
+            found = self.missing.backward(-y)
+        else:  # those of each force, which no weights make dense
+            own = self.missing.backward(SX.eye(self.rows))
+            found = [ca.mtimes(part, -y) for part in own]
+        found = self.missing.at(self.value, found)
         return Slopes(Shift(*found), ca.mtimes(self.equations.actuation, y))
 
 

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork import moved
 from linkwork.errors import LinkworkError
+from linkwork.gradients import derivatives
 from linkwork.model import checks, evaluation, linear
 from linkwork.model.state import Motion, State
 from linkwork.robot.kinematics import Kinematics
 
 if TYPE_CHECKING:
+    from linkwork.gradients.records import (
+        ForwardDynamicsDerivatives,
+        InverseDynamicsDerivatives,
+        MassMatrixDerivatives,
+    )
     from linkwork.model.linear_model import LinearModel
     from linkwork.model.reactions import Reactions
     from linkwork.simulation import Sampled
@@ -164,6 +170,65 @@ class Dynamics(Kinematics):
         moved.warn("Robot.linearised", "Robot.linearise, whose model holds A and B,")
         model = self.linearise(state, forces)
         return model.A, model.B
+
+    def forward_dynamics_derivatives(
+        self,
+        state: State,
+        forces: ArrayLike | Mapping[str, ArrayLike],
+        *,
+        threads: int | None = 1,
+    ) -> ForwardDynamicsDerivatives:
+        """Return v' and its exact derivatives with respect to q, v, u and p, loops closed.
+
+            dv' = by_q dq + by_v dv + by_u du + by_p dp
+
+        Args:
+            state, forces, threads: as `forward_dynamics` takes them.
+
+        Returns:
+            A record in the tangent coordinates of the state's `independent` rates, p those of
+            `parameters` (`linkwork.gradients.records`).
+
+        Raises:
+            LinkworkError: as `forward_dynamics`; derivatives that are not finite; free numbers that
+                open loops.
+        """
+        return derivatives.forward_dynamics_derivatives(self, state, forces, threads)
+
+    def inverse_dynamics_derivatives(
+        self,
+        state: State,
+        accelerations: ArrayLike | Mapping[str, ArrayLike],
+        *,
+        of: Literal["actuators", "rates"] = "actuators",
+        weights: Weights = None,
+        threads: int | None = 1,
+    ) -> InverseDynamicsDerivatives:
+        """Return the forces that accelerations v' need, and their exact derivatives with respect to
+        q, v, v' and p, loops closed.
+
+        Args:
+            state, accelerations, weights, threads: as `inverse_dynamics` takes them.
+            of: "actuators": u with S' u = M v' + C v + G - f; "rates": these forces on the
+                independent rates, of which the derivative with respect to v' is M.
+
+        Returns:
+            A record as that of `forward_dynamics_derivatives`.
+
+        Raises:
+            LinkworkError: as `inverse_dynamics`; fewer actuators than freedoms; bearings that rub
+                by what they carry; derivatives that are not finite; free numbers that open loops.
+        """
+        return derivatives.inverse_dynamics_derivatives(
+            self, state, accelerations, of, weights, threads
+        )
+
+    def mass_matrix_derivatives(
+        self, state: State, *, threads: int | None = 1
+    ) -> MassMatrixDerivatives:
+        """Return M and its exact derivatives with respect to q and p, as
+        `forward_dynamics_derivatives`."""
+        return derivatives.mass_matrix_derivatives(self, state, threads)
 
     def mass_matrix(self, state: State) -> np.ndarray:
         """Return the generalised inertia M (..., n, n) in the independent rates

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.gradients import derivatives
 from linkwork.mechanism.task import TaskCoordinate, labels
 from linkwork.model import checks, dexterity, evaluation, limits, task
 from linkwork.model.model import Model
 from linkwork.model.state import State
 
 if TYPE_CHECKING:
+    from linkwork.gradients.records import ClosureDerivatives, ToolDerivatives
     from linkwork.model.tool_motion import LedMotion, ToolMotion
 
 
@@ -139,6 +141,32 @@ class Kinematics(Model):
         """Return [alpha; a of its origin] (..., 6) [rad/s^2, m/s^2] of the tool, the derivative of
         its twist, for accelerations v' (..., n) of the state's `independent` rates."""
         return self._tool_motion(state, accelerations).acceleration
+
+    def closure_derivatives(self, state: State, *, threads: int | None = 1) -> ClosureDerivatives:
+        """Return how the coordinates and rates of all joints follow the independent ones and the
+        free numbers: their exact derivatives with respect to q, v and p, loops closed.
+
+        Args:
+            state: one or a stack; threads: over which large stacks are dealt; None: all processors.
+
+        Returns:
+            A record in the tangent coordinates of the state's `independent` rates
+            (`linkwork.gradients.records`).
+
+        Raises:
+            LinkworkError: a configuration where the rates do not determine the motion; derivatives
+                that are not finite; free numbers that open loops.
+        """
+        return derivatives.closure_derivatives(self, state, threads)
+
+    def tool_derivatives(self, state: State, *, threads: int | None = 1) -> ToolDerivatives:
+        """Return how the tool's pose and twist change with q, v and p, exact and loops closed, as
+        `closure_derivatives`.
+
+        Raises:
+            LinkworkError: as there; no tool.
+        """
+        return derivatives.tool_derivatives(self, state, threads)
 
     def _tool_motion(self, state: State, accelerations: Any = None) -> ToolMotion:
         from linkwork.model.tool_motion import tool_motion
