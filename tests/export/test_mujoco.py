@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.mechanism import Body, Frame, FreeJoint, Inertia, Mechanism
+from linkwork.mechanism import (
+    Body,
+    Frame,
+    FreeJoint,
+    Inertia,
+    Mechanism,
+    PlanarJoint,
+    RodJoint,
+)
 
 from tests.oracle.random_joints import random_tree
 
@@ -19,6 +27,7 @@ LOOPS = {  # about thrice what is left of MuJoCo's softness, relative to the gre
     "rrs3": 3e-7,
     "slider_crank": 4e-7,
 }
+RODS = ("delta", "linear_delta", "orthoglide", "par4")
 ROUNDING = 1e-9
 TREE = ("spherical", "planar", "cylindrical", "free", "universal", "prismatic", "revolute")
 SCREWS = 6e-7
@@ -120,6 +129,50 @@ def test_mujoco_runs_on_from_a_state():
         mj.mj_step(live.model, data)
     q = live.positions(data)
     assert max(abs(q[name] - run.final[name]) for name in q) < 1e-5
+
+
+@pytest.mark.parametrize("name", RODS)
+def test_robots_with_rods_move_alike(name):
+    """In motion, too: MuJoCo leaves out how a tendon's constraint turns; links have none."""
+    robot = lw.Robot(name)
+    live = robot.to_mujoco()
+    positions, rates, accelerations = errors(robot, live, *drawn(robot))
+    assert positions < 1e-12 and rates < 1e-12
+    assert accelerations < 3e-7
+    assert {*live.positions(live.data())} <= {*robot.coordinates}
+    assert any("rods are links of 1e-09 of the robot's mass" in note for note in live.notes)
+    data = live.data(drawn(robot)[0])
+    assert np.abs(data.efc_vel).max() < 1e-12 and np.abs(data.efc_pos).max() < 1e-12
+
+
+def test_mujoco_runs_on_with_rods():
+    robot = lw.Robot("delta")
+    live, (state, forces) = robot.to_mujoco(), drawn(robot)
+    run = robot.simulate(state, forces, duration=0.1)
+    live.model.opt.integrator, live.model.opt.timestep = mj.mjtIntegrator.mjINT_RK4, 5e-4
+    data = live.data(state, forces)
+    while data.time < 0.1 - 1e-9:
+        mj.mj_step(live.model, data)
+    q = live.positions(data)
+    assert max(abs(q[name] - run.final[name]) for name in robot.actuators) < 1e-6
+
+
+def test_a_rod_from_ground_and_names_that_are_taken():
+    """A pendulum of a body on a rod: beside the closed solution, at rest g sin(angle) across."""
+    weight = Body(mass=2.0, inertia=Inertia(xx=0.1, yy=0.1, zz=0.1))
+    joints = {
+        "a": RodJoint(connects=("ground", "a link"), length=2.0),
+        "guide": PlanarJoint(connects=("ground", "a link")),
+    }
+    mechanism = Mechanism(
+        name="weight", bodies={"a link": weight}, joints=joints, actuators=(), gravity=(0, -9.81, 0)
+    )
+    robot = lw.Robot(mechanism.model_copy(update={"reference": {"guide.x": 1.2, "guide.y": -1.6}}))
+    live = robot.to_mujoco()
+    found = live.accelerations(live.data())
+    across = 9.81 * 0.6
+    assert found["guide.x"] == pytest.approx(-across * 0.8, rel=1e-6)
+    assert found["guide.y"] == pytest.approx(-across * 0.6, rel=1e-6)
 
 
 def test_free_numbers_have_their_values():

@@ -2,14 +2,14 @@
 
 The model is the MJCF that `linkwork.formats` writes, with its loops closed at the robot's home;
 MuJoCo's regularisation R of constraints, in proportion to its estimate of the inverse inertia that
-they feel, is scaled down by `softness`:
+they feel, is scaled down by `softness`; rods are links without weight (`rod_links`):
 
     M v' + h = S' u + J' f,   J v' + gamma + R f = -b r' - k r               (r: gaps of the loops)
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,13 @@ from numpy.typing import ArrayLike
 from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.export.model_joints import ModelJoint, Moved, model_joints
+from linkwork.export.rod_links import (
+    LIGHT,
+    RodLink,
+    home_with_links,
+    moved_with_links,
+    with_links,
+)
 from linkwork.formats import poses
 from linkwork.formats.mjcf.model_plan import Home, plan
 from linkwork.formats.mjcf.writer import to_mjcf
@@ -38,7 +45,7 @@ class MujocoModel:
 
     robot: with its loops closed exactly; model: `mujoco.MjModel`; text: the MJCF that it is made of
     notes: what MuJoCo takes otherwise; accelerations agree but for what they say
-    joints: where MuJoCo has the robot's joints, in the order of qpos
+    joints: where MuJoCo has the robot's joints, in the order of qpos; links: in place of its rods
     """
 
     robot: Robot
@@ -46,6 +53,7 @@ class MujocoModel:
     text: str
     notes: tuple[str, ...]
     joints: tuple[ModelJoint, ...]
+    links: tuple[RodLink, ...] = ()
 
     def data(
         self,
@@ -79,6 +87,7 @@ class MujocoModel:
         if own.batch:
             raise LinkworkError("MuJoCo's data hold one state, not a stack; give state.at(index)")
         moved = moved_at(self.robot, own)
+        moved = moved_with_links(self.robot.mechanism, moved, self.links)
         qpos, qvel = np.empty(self.model.nq), np.empty(self.model.nv)
         for joint in self.joints:
             qpos[joint.q], qvel[joint.v] = joint.into(moved)
@@ -99,7 +108,10 @@ class MujocoModel:
 
     def _read(self, data: Any, order: int) -> dict[str, float]:
         found: dict[str, float] = {}
+        of_links = {ball for link in self.links for ball in link.balls}
         for joint in self.joints:
+            if joint.rates and joint.rates[0].rpartition(".")[0] in of_links:
+                continue
             motion = data.qpos[joint.q], data.qvel[joint.v], data.qacc[joint.v]
             names = joint.rates if order else joint.coordinates
             found |= zip(names, map(float, joint.out_of(*motion)[order]), strict=True)
@@ -126,7 +138,9 @@ def mujoco(robot: Robot, softness: float = SOFTNESS) -> MujocoModel:
     if not isinstance(robot, Robot):
         raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
     factor = checks.positive(softness, "softness")
-    engine, mechanism, home = loaded(), robot.mechanism, home_of(robot)
+    engine = loaded()
+    mechanism, links = with_links(robot.mechanism)
+    home = home_with_links(home_of(robot), links)
     held = plan(mechanism, home)
     text, notes = to_mjcf(mechanism, home, held)
     try:
@@ -136,12 +150,33 @@ def mujoco(robot: Robot, softness: float = SOFTNESS) -> MujocoModel:
         raise LinkworkError(f"MuJoCo refuses {mechanism.name!r}: {why}") from None
     for estimate in (model.body_invweight0, model.dof_invweight0, model.tendon_invweight0):
         estimate[:] *= factor
+    give_way(engine, model, links)
+    if links:
+        named = ", ".join(name for name in robot.mechanism.joints if name not in mechanism.joints)
+        notes += (f"{named}: rods are links of {LIGHT:g} of the robot's mass between ball joints",)
     if model.neq and factor != 1:
         notes += (f"what MuJoCo's constraints give way, as said above, is scaled by {factor:g}",)
     if mechanism.drives:
         driven = ", ".join(mechanism.drives)
         notes += (f"{driven}: drives act in MuJoCo; the controls are their commands, not forces",)
-    return MujocoModel(robot, model, text, notes, model_joints(mechanism, home, held, model))
+    joints = model_joints(mechanism, home, held, model)
+    return MujocoModel(robot, model, text, notes, joints, links)
+
+
+def give_way(engine: Any, model: Any, links: Sequence[RodLink]) -> None:
+    """Let links give way as the bodies at their ends do, not as their own mass has it; as the body
+    that does most where MuJoCo has neither."""
+
+    def place(name: str) -> int:
+        return engine.mj_name2id(model, engine.mjtObj.mjOBJ_BODY, name)
+
+    estimate = model.body_invweight0
+    own = [place(link.name) for link in links]
+    most = np.delete(estimate, own, axis=0).max(axis=0)
+    for link, at in zip(links, own, strict=True):
+        ends = [place(body) for body in link.rod.connects if body != GROUND]
+        known = estimate[[end for end in ends if end >= 0]]
+        estimate[at] = known.max(axis=0) if known.any() else most
 
 
 def home_of(robot: Robot) -> Home:
