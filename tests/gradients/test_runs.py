@@ -268,6 +268,9 @@ def test_forces_that_jump_at_an_event_carry_the_jump_over():
     switch = Event(lambda t, state: state["rail"] - state.parameter("a", a), cuts=True)
     run = robot.simulate(robot.home, law, duration=duration, events=[switch], **TIGHT)
 
+    bare = robot.simulate(robot.home, law, duration=duration, **TIGHT)
+    refused("what acts jumps at t = 0.816497 s", bare.sensitivity)
+
     def final(x0=0.0, v0=0.0, u1=u1, u2=u2, a=a):
         v = np.sqrt(v0**2 + 2 * u1 * (a - x0) / 2.0)
         left = duration - (v - v0) / (u1 / 2.0)
@@ -283,6 +286,18 @@ def test_forces_that_jump_at_an_event_carry_the_jump_over():
     back = run.gradient({"joint_position": np.eye(len(run.time))[-1:].T})
     sums = told["joint_position"].values[-1, 0]
     assert [*back.values()] == pytest.approx(sums, rel=1e-12, abs=1e-13)
+
+
+def test_branches_without_a_jump_need_no_event():
+    robot = lw.Robot(CART)
+
+    def law(t, state):
+        pull = state.parameter("k", 4.0) * (0.3 - state["rail"])
+        late = math.where(t > 1.0, 0.1, 0.0)  # at a time that nothing changes
+        return [math.where(pull > 0.5, 0.5, math.where(pull < -0.5, -0.5, pull)) + late]
+
+    options = {"duration": 2, "parameters": {"k": 4.0}, **FIXED}
+    require_derivatives(robot, robot.home, law, 1e-3, **options)  # differences pass the bends
 
 
 # Losses

@@ -54,7 +54,7 @@ class Numbers:
             "parameters": (*robot.parameters, *self.of.acting.parameters),
         }
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """The names of all numbers, in their order."""
         return tuple(name for group in GROUPS for name in self.groups[group])
@@ -148,7 +148,7 @@ class Numbers:
                 dp[row, parameters.index(name)] = 1
             elif name in forces:
                 signal[row, ::4, self.commands[forces.index(name)]] = 1
-        held = np.zeros((count, self.of.acting.held))
+        held = np.zeros((count, self.of.held))
         dy = np.ascontiguousarray(self.begun[:, places].T)
         samples = (np.zeros((read, *part.shape)) for part in (dy, held, dy[:, 0]))
         return Changes(dy, held, dp, signal, *samples)
@@ -158,7 +158,7 @@ class Numbers:
         system, read = self.of.system, self.of.samples.y
         pieces, _, columns = system.inputs.coefficients.shape
         p = np.zeros(system.p(self.of.segments[0].chart).size)
-        n, held, count = read.shape[1], self.of.acting.held, len(read)
+        n, held, count = read.shape[1], self.of.held, len(read)
         return LossSlopes(
             np.zeros(n),
             np.zeros(held),

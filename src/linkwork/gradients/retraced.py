@@ -28,6 +28,7 @@ from linkwork.gradients.links import (
     Steps,
 )
 from linkwork.gradients.native_steps import StateSizes
+from linkwork.gradients.switches import require_no_jumps, switching
 from linkwork.model.charts import CompiledChart
 from linkwork.model.model import Model
 from linkwork.runs.passage import CLOSURE, Segment
@@ -41,6 +42,7 @@ from linkwork.simulation.tableaus import FixedStep, StepPlan, SymplecticEuler, T
 CLOSE = 2.0**-38  # how near to an event a step ends at it, relative to the time and to the step
 ASIDE = 1e-9  # how far from an event both sides of it are looked at, likewise
 SMOOTH = 1e-6  # jump of y' at an event that is none, relative to it
+POWERS = np.arange(4.0)
 GRAZING = 1e-9  # rate of an event function, relative to its parts, at which it does not pass zero
 
 
@@ -70,6 +72,11 @@ class Retraced:
     ended: bool
     cost: int | None = None
 
+    @cached_property
+    def held(self) -> int:
+        """How many inputs a sampled controller holds."""
+        return self.acting.held
+
     @property
     def robot(self) -> Model:
         return self.record.robot
@@ -82,7 +89,7 @@ class Retraced:
     @cached_property
     def links(self) -> list[RunLink]:
         """The links of the run, in their order."""
-        found, held = [], np.zeros(self.acting.held)
+        found, held = [], np.zeros(self.held)
         for number, segment in enumerate(self.segments):
             before = self.segments[number - 1]
             if number and before.chart.independent != segment.chart.independent:
@@ -102,9 +109,9 @@ class Retraced:
         """Return how the inputs over time depend on their coefficients at times (K)."""
         signal = self.system.inputs
         piece, s = pieces(signal, t, from_left)
-        c = np.moveaxis(signal.coefficients[piece], 1, 0)
-        rates = c[1] + s[:, None] * (2 * c[2] + 3 * s[:, None] * c[3])
-        return InputsAt(piece, s[:, None] ** np.arange(4.0), rates)
+        c, s = signal.coefficients[piece], s[:, None]
+        rates = c[:, 1] + s * (2 * c[:, 2] + 3 * s * c[:, 3])
+        return InputsAt(piece, s**POWERS, rates)
 
     def partials(
         self,
@@ -175,7 +182,7 @@ class OfSegment:
     def held(self) -> np.ndarray:
         """What a sampled controller holds from each row on (K, nh)."""
         u = self.segment.trajectory.u
-        return np.ascontiguousarray(u[:, u.shape[1] - self.whole.acting.held :])
+        return np.ascontiguousarray(u[:, u.shape[1] - self.whole.held :])
 
     @property
     def sizes(self) -> StateSizes:
@@ -195,6 +202,10 @@ class OfSegment:
         does."""
         last = len(self.t) - 1
         ends = sorted({0, last, *self.acts, *self.jumps})
+        branching = switching(self.system, self.chart)
+        if branching is not None:
+            x = np.column_stack([self.y, values(self.system.inputs, self.t, False), self.held])
+            require_no_jumps(branching, self.system.p(self.chart), self.t, x, self.cuts.keys())
         yield from self.at(0)
         for a, b in pairwise(ends):
             yield self.steps(a, b)
@@ -280,22 +291,29 @@ class OfSegment:
         return control is not None and (control.next_sample or 0) > number
 
     @cached_property
+    def cuts(self) -> dict[int, int]:
+        """The rows at which steps ended at events, with the numbers of these."""
+        found, events = {}, self.segment.trajectory.events
+        for time, event in zip(events.times, events.index, strict=True):
+            row = int(np.abs(self.t - time).argmin())
+            size = max(self.t[row], self.t[row] - self.t[row - 1])
+            if self.system.events[event].cuts and abs(self.t[row] - time) <= CLOSE * size:
+                found[row] = int(event)
+        return found
+
+    @cached_property
     def jumps(self) -> dict[int, Passing]:
         """Events at which steps end and y' jumps, by row."""
         found, last = {}, len(self.t) - 1
-        events = self.segment.trajectory.events
-        for time, event in zip(events.times, events.index, strict=True):
-            row = int(np.abs(self.t - time).argmin())
-            if not self.system.events[event].cuts or not 0 < row < last:
+        for row, event in self.cuts.items():
+            if not 0 < row < last:
                 continue
-            size = max(self.t[row], self.t[row] - self.t[row - 1])
-            if abs(self.t[row] - time) > CLOSE * size:
-                continue
+            size = self.t[row]
             state = self.state(row, self.held[row - 1], from_left=True)
             before, behind = self.beside(state, -ASIDE * size), self.beside(state, ASIDE * size)
             jump = before - behind
             if np.abs(jump).max() > SMOOTH * np.abs(before).max():
-                moment = self.whole.moment(self.chart, state, int(event), before)
+                moment = self.whole.moment(self.chart, state, event, before)
                 found[row] = Passing(moment, jump, np.empty(0, int))
         return found
 
@@ -323,15 +341,18 @@ class OfSegment:
 
 def pieces(signal: Signal, t: np.ndarray, from_left: bool) -> tuple[np.ndarray, np.ndarray]:
     """Return the pieces of a signal that times (K) are in, and the times since their knots."""
-    found = np.searchsorted(signal.knots, t, side="left" if from_left else "right") - 1
-    piece = np.clip(found, 0, len(signal.coefficients) - 1)
+    last = len(signal.coefficients) - 1
+    if not last:
+        return np.zeros(t.shape, int), t - signal.knots[0]
+    piece = np.searchsorted(signal.knots, t, side="left" if from_left else "right") - 1
+    piece = np.minimum(np.maximum(piece, 0), last)
     return piece, t - signal.knots[piece]
 
 
 def values(signal: Signal, t: np.ndarray, from_left: bool) -> np.ndarray:
     """Return the values of a signal at times (K, columns)."""
     piece, s = pieces(signal, t, from_left)
-    return np.einsum("km,kmc->kc", s[:, None] ** np.arange(4.0), signal.coefficients[piece])
+    return np.einsum("km,kmc->kc", s[:, None] ** POWERS, signal.coefficients[piece])
 
 
 def rates_jacobian(chart: CompiledChart, q: np.ndarray, v: np.ndarray) -> np.ndarray:
