@@ -47,7 +47,7 @@ WINGS = {
     ),
     "transmissions": ("cables", "transmissions"),
     "charts met before": ("chart_margins", "known_charts"),
-    "tool paths": ("following", "leading", "modes", "sides", "task", "tool_motion"),
+    "tool paths": ("following", "leading", "led_path", "modes", "sides", "task", "tool_motion"),
 }
 """Modules of the core's packages that one needs for these only; they are counted apart."""
 

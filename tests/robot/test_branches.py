@@ -215,6 +215,44 @@ def test_a_path_whose_samples_are_too_far_apart_to_stay_on_the_branch_is_refused
     )
 
 
+def test_samples_between_which_a_motion_leaves_its_arc_are_refused():
+    """Legs of the Delta share a determinant: two that turn over at the last of three samples leave
+    it its sign. With more samples the motors turn by little from each to the next."""
+    robot = built("delta")
+    path = lw.paths.line((0.11, 0.04, -0.825), (-0.475, 0.131, -1.629))
+    with pytest.raises(lw.LinkworkError, match="t = 1 s: the joints are on another branch"):
+        robot.follow(path, 1.0, samples=3)
+    few, many = (robot.follow(path, 1.0, samples=n) for n in (11, 101))
+    np.testing.assert_allclose(few.positions, many.positions[::10], atol=1e-9)
+    assert np.abs(np.diff(many.positions[:, :3], axis=0)).max() < 0.1
+
+
+def test_a_plate_and_a_leg_that_fold_between_samples_are_refused():
+    robot = built("par4")
+    path = lw.paths.line((0.006, 0.05, -0.694, 0.159), (-0.326, 0.406, -0.839, 1.775))
+    for samples in (3, 41):
+        with pytest.raises(lw.LinkworkError, match=r"^at t = [0-9.]+ s: "):
+            robot.follow(path, 1.0, samples=samples)
+
+
+@pytest.mark.parametrize("name", ["five_bar", "delta", "stewart"])
+def test_samples_led_at_once_are_those_led_alone(name):
+    """Positions by the inverse kinematics of each pose, rates and accelerations by differences of
+    positions in time."""
+    robot = built(name)
+    home = robot.task_values(robot.home)
+    line = lw.paths.line(home, home + 0.05 * np.random.default_rng(4).standard_normal(home.size))
+    motion = robot.follow(line, 1.0, samples=801)
+    each = [robot.assemble(tool=pose).positions for pose in motion.tool[::80]]
+    np.testing.assert_allclose(motion.positions[::80], each, atol=1e-9)
+    single = [robot.coordinates.index(label) for label in robot.rates if label in robot.coordinates]
+    rates = [robot.rates.index(robot.coordinates[k]) for k in single]
+    h, q = motion.time[1], motion.positions[:, single]
+    slope, bend = (q[2:] - q[:-2]) / (2 * h), (q[2:] - 2 * q[1:-1] + q[:-2]) / h**2
+    np.testing.assert_allclose(motion.joint_rates[1:-1][:, rates], slope, atol=2e-5)
+    np.testing.assert_allclose(motion.joint_accelerations[1:-1][:, rates], bend, atol=2e-4)
+
+
 def test_a_first_pose_out_of_reach_is_told_with_its_time():
     with pytest.raises(
         lw.UnreachableError, match=r"^at t = 0 s: the mechanism cannot be assembled"

@@ -243,10 +243,10 @@ class ToolAsked:
         return self.mapped(out)[1] @ out["J_tool"]
 
     def bias(self, out: Outputs, w: np.ndarray) -> np.ndarray:
-        """Return J' w (K, k), by outputs for the rates w (nv) of each."""
+        """Return J' w (K, k), by outputs for the rates w (nv), or (K, nv), of each."""
         if self.plain:
             return out["bias_tool"][:, self.twist]
-        _, E, bias = self.mapped(out, out["J_tool"] @ w)
+        _, E, bias = self.mapped(out, (out["J_tool"] @ w[..., None])[..., 0])
         return (E @ out["bias_tool"][..., None])[..., 0] + bias
 
     def require_defined(self, J: np.ndarray) -> None:

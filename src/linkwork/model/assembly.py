@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linkwork.equations.algebra import skew
 from linkwork.equations.reference import OpenLoopsError, close, unit
 from linkwork.equations.tree import Tree
 from linkwork.errors import LinkworkError
@@ -142,20 +141,22 @@ def refuse_leg_singular(shape: tuple[int, ...], values: np.ndarray, asked: ToolA
 
 
 def turning(r: np.ndarray, dr: np.ndarray, ddr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return omega = J r' and alpha = J r'' + J' r' for a rotation vector r and its time
+    """Return omega = J r' and alpha = J r'' + J' r' (..., 3) for rotation vectors r and their time
     derivatives.
 
     J = 1 + a [r x] + b [r x]^2,  a = (1 - cos t) / t^2,  b = (t - sin t) / t^3,  t = |r|, by series
     near t = 0.
     """
-    t = float(np.linalg.norm(r))
-    if t < 1e-2:
-        a, b = 1 / 2 - t**2 / 24 + t**4 / 720, 1 / 6 - t**2 / 120 + t**4 / 5040
-        a_t, b_t = -1 / 12 + t**2 / 180 - t**4 / 6720, -1 / 60 + t**2 / 1260 - t**4 / 60480
-    else:
-        a, b = (1 - np.cos(t)) / t**2, (t - np.sin(t)) / t**3
-        a_t, b_t = (np.sin(t) / t - 2 * a) / t**2, (a - 3 * b) / t**2  # da/dt / t, db/dt / t
-    K, dK = skew(r), skew(dr)
-    J = np.eye(3) + a * K + b * K @ K
-    dJ = (a_t * K + b_t * K @ K) * (r @ dr) + a * dK + b * (dK @ K + K @ dK)
-    return J @ dr, J @ ddr + dJ @ dr
+    angle = np.linalg.norm(r, axis=-1, keepdims=True)
+    near, s = angle < 1e-2, np.minimum(angle, 1e-2) ** 2
+    t = np.where(near, 1.0, angle)
+    a = np.where(near, 1 / 2 - s / 24 + s**2 / 720, (1 - np.cos(t)) / t**2)
+    b = np.where(near, 1 / 6 - s / 120 + s**2 / 5040, (t - np.sin(t)) / t**3)
+    # da/dt / t, db/dt / t
+    a_t = np.where(near, -1 / 12 + s / 180 - s**2 / 6720, (np.sin(t) / t - 2 * a) / t**2)
+    b_t = np.where(near, -1 / 60 + s / 1260 - s**2 / 60480, (a - 3 * b) / t**2)
+    across, again = np.cross(r, dr), np.cross(r, ddr)
+    twice = np.cross(r, across)
+    change = np.sum(r * dr, axis=-1, keepdims=True) * (a_t * across + b_t * twice)
+    alpha = ddr + a * again + b * (np.cross(r, again) + np.cross(dr, across)) + change
+    return dr + a * across + b * twice, alpha

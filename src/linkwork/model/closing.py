@@ -283,10 +283,14 @@ class Least:
     def outputs(self, q: np.ndarray, *p: np.ndarray) -> dict[str, np.ndarray]:
         """Return the outputs of `functions.assembly` at rest for configurations (K, nq), by name;
         matrices as such."""
+        return self.moving(q, self.still, *p)
+
+    def moving(self, q: np.ndarray, w: np.ndarray, *p: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the same at rates w (nv), or (K, nv)."""
         if len(q) == 1:  # one state takes the shortest way
-            values = [value.reshape(1, -1) for value in self.kernel(q[0], self.still, *p)]
+            values = [value.reshape(1, -1) for value in self.kernel(q[0], w.reshape(-1), *p)]
         else:
-            values = self.kernel(q, self.still, *p)
+            values = self.kernel(q, w, *p)
         count, nv = len(q), self.still.size
         return {
             name: value.reshape(count, nv, size // max(nv, 1)).swapaxes(1, 2)

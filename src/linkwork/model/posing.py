@@ -17,6 +17,7 @@ from linkwork.model.assembly import OPEN_LOOPS, UnreachableError
 from linkwork.model.closing import settled
 from linkwork.model.labels import Labels
 from linkwork.model.leading import Leader
+from linkwork.model.led_path import ANOTHER, Prescribed, led_along, require_one_arc
 from linkwork.model.stacks import undoubted
 from linkwork.model.state import Motion, State, with_positions
 from linkwork.model.turning import turned
@@ -239,34 +240,25 @@ def follow(
         raise LinkworkError(f"the path is {shown(path)}; give one made by linkwork.paths")
     time = np.linspace(0, duration, samples)
     robot.require_tool()
-    poses, velocities, accelerations = (
-        checks.finite(part, "the path") for part in path.sample(time, duration)
-    )
+
+    def moving(times: np.ndarray) -> list[np.ndarray]:
+        return [checks.finite(part, "the path") for part in path.sample(times, duration)]
+
+    poses, *derivatives = moving(time)
     asked = require_full_pose(robot, poses.shape[1], what)
-    y, dy, ddy = asked.given_motion(poses, velocities, accelerations)
-    # The first pose as any other; the next ones from the pose before, moved on by its rates.
-    leader, w = robot.leader_of_tool(asked, kept=True), np.zeros(robot.equations.nv)
-    with checks.at("at t = 0 s: "):
-        q = leader.lead(start_of(robot, guess), y[:1])[0]
-    along, v, v_dot = (
-        np.empty((samples, q.size)),
-        np.empty((samples, robot.mobility)),
-        np.empty((samples, robot.mobility)),
-    )
-    for k in range(samples):
-        with checks.at(f"at t = {time[k]:.6g} s: "):
-            q = robot.assembler.moved(q, w * (duration / (samples - 1)))
-            (near,), (there,) = leader.approached(q[None], y[k : k + 1])
-            q = near if there else robot.assembler.at(leader.least, y[k], q)
-            w, dw = robot.assembler.rates(q, asked, y[k], dy[k], ddy[k])
-        along[k], v[k], v_dot[k] = q, robot.chart.from_tree(w), robot.chart.from_tree(dw)
+
+    def sampled(times: np.ndarray) -> Prescribed:
+        return Prescribed(asked, times, *asked.given_motion(*moving(times)))
+
+    # The first pose as any other; the next ones from those before, moved on by their rates.
+    way = Prescribed(asked, time, *asked.given_motion(poses, *derivatives))
+    leader = robot.leader_of_tool(asked, kept=True)
+    led = led_along(leader, robot.assembler, start_of(robot, guess), way)
+    along, (v, v_dot) = led[0], (robot.chart.from_tree(each) for each in led[1:])
     # One branch all the way.
     if not (kept := leader.keeps(along)).all():
-        raise LinkworkError(
-            f"at t = {time[np.argmin(kept)]:.6g} s: the joints are on another branch than at the "
-            "start, for the path passes a stretched or folded pose, or its samples are too far "
-            "apart; take more samples, or lead the path around"
-        )
+        raise LinkworkError(f"at t = {time[np.argmin(kept)]:.6g} s: {ANOTHER}")
+    require_one_arc(leader, robot.assembler, led, way, sampled)
     # Angles without jumps, ahead by the turns that the guess had.
     made = robot.make_state(along, v)
     positions, joint_rates, joint_accelerations, _ = robot.kernel("joints_motion")(
