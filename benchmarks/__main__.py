@@ -20,6 +20,7 @@ from benchmarks import (
     control,
     ensemble,
     export,
+    gradients,
     growth,
     kernel,
     ladder,
@@ -53,6 +54,7 @@ PAGES: Mapping[str, Sections] = {
         "linkages": lambda _: linkages.run(),
         "catalogue": lambda _: catalogue.run(),
         "export": lambda _: export.run(),
+        "gradients": lambda _: gradients.run(),
     },
     "simulation": {
         "single": lambda _: single.run(),

@@ -142,3 +142,12 @@ def test_interleaved_takes_names_of_any_kind():
         {("a", 1): timing.Contender(lambda: sum(range(100)))}, rounds=2, block=1e-4
     )
     assert list(seconds) == [("a", 1)]
+
+
+def test_derivatives_agree_with_pinocchio_and_are_timed():
+    gradients = pytest.importorskip("benchmarks.gradients", reason=engines_needed)
+    section = gradients.run(rounds=1, robots={"prr3": 6.0})
+    found = values(section.figures)
+    assert found["3-PRR: largest relative difference of Pinocchio's"] < 1e-9
+    assert len(found) == 9 and all(value > 0 for value in found.values())
+    json.dumps(section.raw)

@@ -95,7 +95,7 @@ def told(
     # One state takes the shortest way.
     if q.ndim == 1 and all(part.ndim == 1 for part in given):
         y = kernel.flat(q, v, *given, robot.p)
-        if abs(y.item(-1)) > checks.PIVOT_BOUND and isfinite(y.sum()):
+        if abs(y.item(-1)) > checks.PIVOT_BOUND and isfinite(y.dot(y)):
             return parts_of(kernel, y, widths)
     # Stacks, weak orders of elimination, and what is to be refused.
     checks.together(state.batch, *(part.shape[:-1] for part in given))
