@@ -8,8 +8,10 @@ from linkwork.analysis._dexterity import Dexterity, dexterity, global_conditioni
 from linkwork.analysis._equilibrium import Equilibrium, distributed_forces, equilibria, equilibrium
 from linkwork.analysis._error_budget import Contribution, ErrorBudget, error_budget
 from linkwork.analysis._jacobians import Jacobians, input_output, jacobians
+from linkwork.analysis._observability import Observability, best_poses, observability
 from linkwork.analysis._transmission_indices import TransmissionIndices, transmission_indices
 from linkwork.analysis._workspace import content, inscribed, workspace
+from linkwork.analysis.calibration import Calibration, calibrate
 from linkwork.analysis.error_sources import ErrorSource
 from linkwork.analysis.excitation import Excitation, exciting_trajectory
 from linkwork.analysis.identification import Identification, Measured, identify, periodic
@@ -19,6 +21,7 @@ from linkwork.analysis.linearisation import (
     stiffness_matrix,
     tool_stiffness,
 )
+from linkwork.analysis.measured_poses import MeasuredPoses
 from linkwork.analysis.plugged_tree import PluggedTree
 from linkwork.analysis.singularities import Singularity, along, loci, singularity
 from linkwork.model.linear_model import LinearModel, linearise
@@ -27,6 +30,7 @@ from linkwork.moved import renamed
 __all__ = [
     "ActuationModel",
     "Base",
+    "Calibration",
     "Contribution",
     "Dexterity",
     "Equilibrium",
@@ -37,8 +41,10 @@ __all__ = [
     "Jacobians",
     "LinearModel",
     "Measured",
+    "MeasuredPoses",
     "Modes",
     "NaturalModes",
+    "Observability",
     "PluggedTree",
     "Singularity",
     "TransmissionIndices",
@@ -46,6 +52,8 @@ __all__ = [
     "along",
     "assembly_modes",
     "base_parameters",
+    "best_poses",
+    "calibrate",
     "content",
     "dexterity",
     "distributed_forces",
@@ -61,6 +69,7 @@ __all__ = [
     "linearise",
     "loci",
     "natural_modes",
+    "observability",
     "periodic",
     "singularity",
     "stiffness_matrix",

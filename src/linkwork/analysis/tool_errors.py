@@ -89,9 +89,9 @@ class ToolErrors:
         opened = np.concatenate([phi_p, a_p], axis=1) / heights
         led = np.concatenate([np.zeros((rows, count)), np.eye(count)]) / heights
         right = np.concatenate([-opened, np.broadcast_to(led, (len(q), *led.shape))], axis=2)
-        self._refuse_loose(A, first)
+        refuse_loose(self.robot, A, first)
         w = np.linalg.pinv(A, rcond=DEPENDENT) @ right
-        self._refuse_open(A @ w - right, right)
+        refuse_open(self.robot, A @ w - right, right)
         dx = (J_x * widths) @ w
         dx[:, :, :free] += x_p
         return dx[:, :, :free], dx[:, :, free:]
@@ -103,28 +103,36 @@ class ToolErrors:
         lengths = [robot.unit(name) == "m" for name in robot.actuators]
         return np.where(lengths, robot.equations.tree.length, 1.0)
 
-    def _refuse_loose(self, A: np.ndarray, first: int) -> None:
-        """Refuse configurations at which loops and actuators leave more than spins free."""
-        needed = A.shape[2] - len(self.robot.spins)
-        for k, one in enumerate(A):
-            sigma = np.linalg.svd(scaled(one), compute_uv=False)
-            if not (np.isfinite(sigma).all() and sigma[needed - 1] > DEPENDENT * sigma[0]):
-                raise LinkworkError(
-                    f"at state {first + k} the tool can move with all actuators held (a singular "
-                    "pose), so that errors have no bound; leave it out"
-                )
 
-    def _refuse_open(self, left: np.ndarray, right: np.ndarray) -> None:
-        """Refuse numbers that open loops which no joint can close again."""
-        gaps, sizes = np.abs(left).max(axis=(0, 1)), np.abs(right).max(axis=(0, 1))
-        beyond = np.flatnonzero(gaps > OPENED * sizes)
-        if beyond.size:
-            path = tuple(self.robot.parameters)[beyond[0]]
+def refuse_loose(robot: Robot, A: np.ndarray, first: int = 0) -> None:
+    """Refuse configurations at which loops and actuators leave more than spins free.
+
+    A: [Phi; J_a] in own units (N, rows + actuators, nv); first: number of the first one
+    """
+    needed = A.shape[2] - len(robot.spins)
+    for k, one in enumerate(A):
+        sigma = np.linalg.svd(scaled(one), compute_uv=False)
+        if not (np.isfinite(sigma).all() and sigma[needed - 1] > DEPENDENT * sigma[0]):
             raise LinkworkError(
-                f"where {path!r} is off, the loops do not close, for the mechanism has more "
-                f"constraints than it needs ({amount(len(self.robot.redundant), 'redundant row')})"
-                "; give it a joint that takes this error up, or leave the number out"
+                f"at state {first + k} the tool can move with all actuators held (a singular "
+                "pose), so that errors have no bound; leave it out"
             )
+
+
+def refuse_open(robot: Robot, left: np.ndarray, right: np.ndarray) -> None:
+    """Refuse numbers that open loops which no joint can close again.
+
+    left: gaps that stay, of each number (N, rows, np and more); right: what opened them
+    """
+    gaps, sizes = np.abs(left).max(axis=(0, 1)), np.abs(right).max(axis=(0, 1))
+    beyond = np.flatnonzero(gaps > OPENED * sizes)
+    if beyond.size:
+        path = tuple(robot.parameters)[beyond[0]]
+        raise LinkworkError(
+            f"where {path!r} is off, the loops do not close, for the mechanism has more "
+            f"constraints than it needs ({amount(len(robot.redundant), 'redundant row')})"
+            "; give it a joint that takes this error up, or leave the number out"
+        )
 
 
 def axial(W: ca.SX) -> ca.SX:

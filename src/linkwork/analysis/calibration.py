@@ -1,0 +1,245 @@
+"""Calibration: geometry from measured poses of the tool, or from redundant encoders.
+
+    min_p sum |r_k(p)|^2,    r = what was measured less what is foretold, over the noise
+
+by Levenberg and Marquardt's method on exact derivatives through the closed loops
+(`measured_poses`), in the combinations of p that are seen (`_observability`) from where it begins;
+what is not seen stays as described, and is named. With J at the end and f = rows - rank,
+
+    cov p = s^2 (J'J)^+,    s^2 = 1 where the noise is stated, else |r|^2 / f
+
+Where it is stated, |r|^2 is chi-square distributed with f degrees of freedom if the model holds.
+Source: Hollerbach, Khalil & Gautier 2016, Springer Handbook of Robotics, ch. 8 (model
+identification); Marquardt 1963; Borm & Menq 1991 (observability).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from linkwork.analysis._observability import Observability, observed, told
+from linkwork.analysis.measured_poses import (
+    MeasuredPoses,
+    PoseModel,
+    measured_rows,
+    model_of,
+    readings_of,
+    spatial,
+)
+from linkwork.checks import amount, finite, shown
+from linkwork.errors import LinkworkError
+from linkwork.mechanism import Mechanism
+from linkwork.mechanism.parameter_units import with_unit
+from linkwork.notebooks import Portrayed
+from linkwork.patience import announced
+from linkwork.robot import Robot
+
+TOLERANCE = 1e-15
+TOO_FAR = 1e3  # of what remains, over the least noise, where loops do not close
+SHOWN, WIDE = 16, 88
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration(Portrayed):
+    """Hold calibrated numbers.
+
+    robot: with the values that were found
+    observability: at the end; its deviations hold for the stated noise
+    described: values before (np); remains: what was measured less what is foretold, over the noise
+        (N, rows)
+    weighed: whether the noise was stated
+    """
+
+    robot: Robot
+    observability: Observability
+    described: np.ndarray
+    remains: np.ndarray
+    weighed: bool
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Values that were found, by path."""
+        return dict(self.robot.parameters)
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The description with these values, to be saved."""
+        return self.robot.mechanism
+
+    @property
+    def freedoms(self) -> int:
+        """Degrees of freedom f of what remains: rows less combinations that are seen."""
+        return self.remains.size - self.observability.rank
+
+    @property
+    def chi_square(self) -> float:
+        """|r|^2; near `freedoms` where the stated noise and the model hold."""
+        return float(np.sum(self.remains**2))
+
+    @property
+    def scale(self) -> float:
+        """s, by which the noise differs from that of the rows' weights: 1 where it is stated."""
+        return 1.0 if self.weighed else float(np.sqrt(self.chi_square / max(self.freedoms, 1)))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the numbers (np x np) in what is seen of them, in their units."""
+        return self.scale**2 * self.observability.covariance
+
+    @property
+    def deviations(self) -> np.ndarray:
+        """Standard deviations of the numbers (np); infinite where one is not told by itself."""
+        return self.scale * self.observability.deviations
+
+    @property
+    def unseen(self) -> tuple[dict[str, float], ...]:
+        """Combinations that were not seen, and stay as described."""
+        return self.observability.unseen
+
+    def __repr__(self) -> str:
+        head = (
+            f"Calibration({amount(len(self.described), 'number')} from "
+            f"{amount(len(self.remains), 'pose')}, {self.observability.rank} seen, chi-square "
+            f"{self.chi_square:.4g} of {self.freedoms})"
+        )
+        lines = []
+        for (path, value), deviation in zip(self.values.items(), self.deviations, strict=True):
+            text = f"{path} = {value:.8g} +- {deviation:.2g}"
+            lines.append(with_unit(self.mechanism, path, text)[:WIDE])
+        rest = [f"... and {len(lines) - SHOWN} more"] if len(lines) > SHOWN else []
+        unseen = [f"not seen: {told(each)}"[:WIDE] for each in self.unseen]
+        return "\n  ".join([head, *lines[:SHOWN], *rest, *unseen[:SHOWN]])
+
+
+@announced("calibrating")
+def calibrate(robot: Robot, measured: MeasuredPoses) -> Calibration:
+    """Find the free numbers of a robot from measured poses.
+
+    Args:
+        robot: with the numbers free that are to be found (`Robot.free`): positions and turns of
+            frames, lengths, named quantities. It begins with their values.
+        measured: readings of the actuators, and what was measured there.
+
+    Returns:
+        A `Calibration`: values, deviations, what is not seen, and the description that holds them.
+
+    Raises:
+        LinkworkError: nothing free or nothing measured, measured values that are not finite or do
+            not fit the samples, fewer of them than combinations that are seen; singular poses;
+            numbers that open loops which no joint closes; samples at which the loops do not close.
+    """
+    from scipy.optimize import least_squares
+
+    # What was measured, in one form.
+    if not isinstance(measured, MeasuredPoses):
+        raise LinkworkError(f"measured is {shown(measured)}; give MeasuredPoses(states, ...)")
+    if not isinstance(robot, Robot):
+        raise LinkworkError(f"the robot is {shown(robot)}; give a linkwork.Robot")
+    q, readings = readings_of(robot, measured.states)
+    tool, joints = values_of(robot, measured, len(q))
+    model = model_of(
+        robot,
+        measured_rows(robot, tool),
+        tuple(measured.joints),
+        measured.position,
+        measured.rotation,
+        measured.encoders,
+    )
+    target = None if tool is None else spatial(robot, tool)
+    fit = Fit(model, readings, target, joints, q)
+    # The combinations that are seen from where it begins.
+    first = observed(robot, fit.slopes(robot.p), len(q), measured.weighed)
+    count = q.shape[0] * model.scales.size
+    if count < first.rank or not first.rank:
+        raise LinkworkError(
+            f"{amount(count, 'measured number')} do not tell {amount(first.rank, 'combination')} "
+            "of the free numbers; measure more poses, or free others"
+        )
+    seen = first.directions[:, : first.rank] * first.sizes[:, None] / first.singular[: first.rank]
+    found = least_squares(
+        lambda y: fit.tried(robot.p + seen @ y),
+        np.zeros(first.rank),
+        jac=lambda y: -fit.slopes(robot.p + seen @ y) @ seen,  # pyright: ignore
+        method="lm",
+        xtol=TOLERANCE,
+        ftol=TOLERANCE,
+        gtol=TOLERANCE,
+    )
+    p = robot.p + seen @ found.x
+    other = robot.with_parameters(dict(zip(robot.parameters, map(float, p), strict=True)))
+    remains = fit.remains(p).reshape(len(q), -1)
+    return Calibration(
+        other, at_end(first, fit.slopes(p)), robot.p.copy(), remains, measured.weighed
+    )
+
+
+def at_end(first: Observability, slopes: np.ndarray) -> Observability:
+    """Return what derivatives at the end (rows, np) tell in the combinations that were sought."""
+    sought, rank = first.directions[:, : first.rank], first.rank
+    singular = np.linalg.svd(slopes * first.sizes @ sought, full_matrices=False)[1:]
+    directions = np.concatenate([sought @ singular[1].T, first.directions[:, rank:]], axis=1)
+    values = np.concatenate([singular[0], np.zeros(len(first.numbers) - rank)])
+    return replace(first, singular=values, directions=directions)
+
+
+@dataclass(eq=False)
+class Fit:
+    """Hold measured values beside a model, and where its loops closed last.
+
+    readings (N, n); tool (N, 6) or None; joints (N, further joints)
+    q: where the loops closed last (N, nq); at: the numbers with which they did
+    """
+
+    model: PoseModel
+    readings: np.ndarray
+    tool: np.ndarray | None
+    joints: np.ndarray
+    q: np.ndarray
+    at: np.ndarray | None = None
+
+    def close(self, p: np.ndarray) -> np.ndarray:
+        """Return configurations (N, nq) closed with p, begun where they closed last."""
+        if self.at is None or not np.array_equal(p, self.at):
+            self.q, self.at = self.model.closed(self.q, self.readings, p), p.copy()
+        return self.q
+
+    def remains(self, p: np.ndarray) -> np.ndarray:
+        """Return what remains with p, over the noise (N rows)."""
+        return self.model.remains(self.close(p), p, self.tool, self.joints).ravel()
+
+    def tried(self, p: np.ndarray) -> np.ndarray:
+        """Return what remains with p, very much where the loops do not close: a step too far."""
+        try:
+            return self.remains(p)
+        except LinkworkError:
+            return np.full(
+                self.q.shape[0] * self.model.scales.size, TOO_FAR / self.model.scales.min()
+            )
+
+    def slopes(self, p: np.ndarray) -> np.ndarray:
+        """Return the derivative of what is foretold by p, over the noise (N rows, np)."""
+        return self.model.slopes(self.close(p), p, self.tool).reshape(-1, p.size)
+
+
+def values_of(
+    robot: Robot, measured: MeasuredPoses, count: int
+) -> tuple[np.ndarray | None, np.ndarray]:
+    """Return the measured poses (N, 6 or 3), if there are any, and readings (N, further joints)."""
+    tool = None
+    if measured.tool is not None:
+        tool = finite(measured.tool, "the measured poses")
+        widths = (3,) if robot.planar else (6, 3)
+        if tool.ndim != 2 or len(tool) != count or tool.shape[1] not in widths:
+            fits = " or ".join(f"({count}, {width})" for width in widths)
+            raise LinkworkError(f"the measured poses have the shape {tool.shape}; give {fits}")
+    columns = []
+    for name, values in measured.joints.items():
+        column = finite(values, f"the readings of {name!r}")
+        if column.shape != (count,):
+            raise LinkworkError(
+                f"the readings of {name!r} have the shape {column.shape}; give ({count},)"
+            )
+        columns.append(column)
+    return tool, np.array(columns).reshape(len(columns), count).T

@@ -1,0 +1,337 @@
+"""Calibration: the truth is found to rounding without noise and within the stated deviations with
+it; what cannot be seen is named; the chosen poses are the best ones."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+import linkwork as lw
+from linkwork import analysis
+from linkwork.analysis._observability import echelon, volume
+from linkwork.analysis.measured_poses import model_of, readings_of, turning
+
+from tests.equations.evaluation import close
+
+
+def puma() -> tuple[lw.Robot, lw.State]:
+    """The arm with all errors of its first frames, and poses all over its joints' range."""
+    mechanism = lw.robots.puma560()
+    paths = [
+        f"joint_{i}.frames.0.{part}.{c}"
+        for i in range(1, 7)
+        for part in ("turn", "position")
+        for c in "xyz"
+    ]
+    robot = lw.Robot(mechanism).free(*paths)
+    return robot, robot.state(np.random.default_rng(0).uniform(-2, 2, (30, 6)))
+
+
+@pytest.fixture(scope="module")
+def arm() -> tuple[lw.Robot, lw.State]:
+    return puma()
+
+
+@pytest.fixture(scope="module")
+def rpr() -> tuple[lw.Robot, lw.State]:
+    """The 3-RPR with its pivots, zeros of its pistons and wrists free; poses of its workspace."""
+    robot = lw.Robot("rpr3").free(
+        *(f"pivot_{i}.frames.0.position.{c}" for i in (1, 2, 3) for c in "xy"),
+        *(f"slide_{i}.frames.0.position.x" for i in (1, 2, 3)),
+        *(f"wrist_{i}.frames.1.position.{c}" for i in (1, 2, 3) for c in "xy"),
+    )
+    random = np.random.default_rng(3)
+    goals = robot.tool_pose(robot.home) + random.uniform(-1, 1, (25, 3)) * (0.1, 0.1, 0.4)
+    states = [robot.assemble(tool=goal) for goal in goals]
+    return robot, robot.state(np.array([state.positions for state in states]))
+
+
+def errors(robot: lw.Robot, size: float, seed: int) -> dict[str, float]:
+    step = size * np.random.default_rng(seed).standard_normal(robot.p.size)
+    return dict(zip(robot.parameters, map(float, robot.p + step), strict=True))
+
+
+def measured(robot: lw.Robot, near: lw.State, truth: dict[str, float]) -> tuple[lw.State, lw.State]:
+    """Return where the description stands at the readings of a robot with other values, and where
+    that robot stands, its tool at the poses of given states."""
+    real = robot.with_parameters(truth)
+    there = [real.assemble(tool=pose) for pose in robot.tool_pose(near)]
+    told = [
+        robot.assemble({name: float(state[name]) for name in robot.actuators}, guess=guess)
+        for state, guess in zip(there, near, strict=True)
+    ]
+    states = robot.state(np.array([state.positions for state in told]))
+    return states, real.state(np.array([state.positions for state in there]))
+
+
+def test_the_rotation_vector_falls_as_its_derivative_says():
+    """r' = -B omega, by differences, near zero and far from it."""
+    random = np.random.default_rng(1)
+    for size in (1e-9, 1e-4, 0.3, 2.5):
+        r = size * random.standard_normal(3)
+        for k in range(3):
+            step = 1e-6 * np.eye(3)[k]
+            ends = [
+                (Rotation.from_rotvec(r) * Rotation.from_rotvec(s * step).inv()).as_rotvec()
+                for s in (1, -1)
+            ]
+            close(-turning(r[None])[0, :, k], (ends[0] - ends[1]) / 2e-6, 1e-8)
+
+
+@pytest.mark.parametrize("name", ["arm", "rpr"])
+def test_derivatives_are_those_of_differences(name, request):
+    """Of the tool and of a further joint, with the loops closed again."""
+    robot, states = request.getfixturevalue(name)
+    joints = () if name == "arm" else ("pivot_1",)
+    model = model_of(robot, (2, 3, 4) if robot.planar else tuple(range(6)), joints)
+    q, readings = readings_of(robot, states)
+    slopes = model.slopes(model.closed(q, readings, robot.p), robot.p)
+    tool = np.zeros((len(q), 6))
+    for k in range(0, robot.p.size, 5):
+        ends = []
+        for sign in (1, -1):
+            p = robot.p + sign * 1e-6 * np.eye(robot.p.size)[k]
+            there = model.closed(q, readings, p)
+            ends.append(model.remains(there, p, tool, np.zeros((len(q), len(joints)))))
+        difference = (ends[1] - ends[0]) / 2e-6
+        rows = [place for place, row in enumerate(model.rows) if row > 2]
+        rows += list(range(len(model.rows), difference.shape[1]))
+        close(slopes[:, rows, k], difference[:, rows], 1e-8)
+
+
+def test_an_arm_is_found_to_rounding_and_saved(arm, tmp_path):
+    robot, states = arm
+    truth = errors(robot, 2e-3, 1)
+    poses = robot.with_parameters(truth)
+    pose = poses.tool_pose(poses.state(states.positions))
+    found = analysis.calibrate(robot, analysis.MeasuredPoses(states, pose))
+    assert found.chi_square < 1e-24
+    others = np.random.default_rng(9).uniform(-2, 2, (20, 6))
+    close(
+        found.robot.tool_pose(found.robot.state(others)),
+        poses.tool_pose(poses.state(others)),
+        1e-12,
+    )
+    found.mechanism.save(tmp_path / "arm.yaml")
+    again = lw.Robot(lw.Mechanism.load(tmp_path / "arm.yaml"))
+    close(again.tool_pose(again.state(others)), poses.tool_pose(poses.state(others)), 1e-12)
+
+
+def test_directions_of_axes_in_closed_loops_are_found():
+    """All errors of the six hinges of a 3-RRS, tilts among them, from measured poses: of 36 numbers
+    27 are seen, and other poses are then met to rounding."""
+    plain = lw.Robot("rrs3")
+    hinges = [f"{part}_{i}" for part in ("motor", "knee") for i in (1, 2, 3)]
+    robot = plain.free(
+        *(
+            f"{n}.frames.0.{field}.{c}"
+            for n in hinges
+            for field in ("turn", "position")
+            for c in "xyz"
+        )
+    )
+    random, truth = np.random.default_rng(0), errors(robot, 5e-4, 3)
+    real = robot.with_parameters(truth)
+    home = np.array([robot.home[name] for name in robot.actuators])
+    samples = []
+    for led in home + random.uniform(-0.15, 0.15, (40, 3)):
+        asked = dict(zip(robot.actuators, map(float, led), strict=True))
+        samples.append((robot.assemble(asked), real.assemble(asked)))
+    samples = [
+        (state, there)
+        for state, there in samples
+        if np.abs(state.positions - there.positions).max() < 0.1
+    ]
+    states = robot.state(np.array([state.positions for state, _ in samples]))
+    pose = np.array([real.tool_pose(there) for _, there in samples])
+    found = analysis.calibrate(
+        robot, analysis.MeasuredPoses(robot.state(states.positions[:30]), pose[:30])
+    )
+    assert found.chi_square < 1e-20 and found.observability.rank == 27 and len(samples) > 32
+    asked = [
+        dict(zip(robot.actuators, map(float, (s[n] for n in robot.actuators)), strict=True))
+        for s, _ in samples[30:]
+    ]
+    for led, expected in zip(asked, pose[30:], strict=True):
+        close(found.robot.tool_pose(found.robot.assemble(led)), expected, 1e-9)
+
+
+def test_what_is_not_seen_of_an_arm_is_named(arm):
+    """Six hinges take 4 numbers each, and the tool none more: 26 of 36 are seen, for a hinge's zero
+    and its place along its axis are also those of the hinge before, where the axes are parallel."""
+    robot, states = arm
+    found = analysis.observability(robot, states)
+    assert found.rank == 26 and len(found.unseen) == 10 and len(found.sufficient) == 26
+    for combination in found.unseen:
+        step = {path: robot.parameters[path] + 1e-5 * x for path, x in combination.items()}
+        moved = robot.with_parameters(step)
+        apart = moved.tool_pose(moved.state(states.positions)) - robot.tool_pose(states)
+        assert np.abs(apart).max() < 1e-9, combination
+    fewer = lw.Robot(robot.mechanism).free(*found.sufficient)
+    assert analysis.observability(fewer, fewer.state(states.positions)).seen.all()
+
+
+def test_turns_about_an_axis_are_not_seen_where_it_is_turned_onto_itself():
+    """The tool's turn about the last hinge's axis is that hinge's own zero, and a tool that is a
+    point on it does not see it at all."""
+    paths = ("joint_6.frames.0.turn.z", "joint_6.frames.1.turn.z")
+    robot = lw.Robot("puma560").free(*paths)
+    states = robot.state(np.random.default_rng(0).uniform(-2, 2, (10, 6)))
+    both = analysis.observability(robot, states)
+    assert both.rank == 1 and {*both.unseen[0]} == {*paths}
+    assert abs(both.unseen[0][paths[1]]) == pytest.approx(1.0)
+    assert analysis.observability(robot, states, measure="position").rank == 0
+    assert "not seen: joint_6.frames.0.turn.z" in repr(both)
+
+
+def test_redundant_encoders_find_lengths_without_a_tool(rpr):
+    """The angles of the three pivots beside the pistons: where the robot stands, and where a
+    platform that nobody sees has its frame, is not told; the pistons' lengths give the scale."""
+    robot, near = rpr
+    truth = errors(robot, 1e-3, 2)
+    states, real = measured(robot, near, truth)
+    joints = {name: real[name] for name in ("pivot_1", "pivot_2", "pivot_3")}
+    found = analysis.calibrate(robot, analysis.MeasuredPoses(states, joints=joints))
+    assert found.chi_square < 1e-22 and found.observability.rank == 15 - 2 - 3
+    for path, seen in zip(found.values, found.observability.seen, strict=True):
+        assert seen == path.startswith("slide")
+        assert not seen or found.values[path] == pytest.approx(truth[path], abs=1e-11)
+
+    def apart(values: dict[str, float], one: int, two: int, at: str) -> float:
+        place = [[values[f"{at.format(i)}.position.{c}"] for c in "xy"] for i in (one, two)]
+        return float(np.linalg.norm(np.subtract(place[0], place[1])))
+
+    for at in ("pivot_{}.frames.0", "wrist_{}.frames.1"):
+        for one, two in ((1, 2), (2, 3), (3, 1)):
+            assert apart(found.values, one, two, at) == pytest.approx(
+                apart(truth, one, two, at), abs=1e-11
+            )
+
+
+def test_estimates_scatter_as_their_deviations_say(rpr):
+    """Chi-square of the errors of all seen numbers over 20 seeds lies within its central 99.8 %."""
+    robot, near = rpr
+    truth = errors(robot, 1e-3, 4)
+    states, real = measured(robot, near, truth)
+    pose, position, rotation = robot.with_parameters(truth).tool_pose(real), 2e-5, 1e-4
+    errors_, remains = [], []
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        noise = random.standard_normal(pose.shape) * (position, position, rotation)
+        data = analysis.MeasuredPoses(states, pose + noise, position=position, rotation=rotation)
+        found = analysis.calibrate(robot, data)
+        seen = found.observability.directions[:, : found.observability.rank]
+        apart = (np.array([*found.values.values()]) - [*truth.values()]) / found.observability.sizes
+        errors_.append(
+            np.sum((found.observability.singular[: seen.shape[1]] * (seen.T @ apart)) ** 2)
+        )
+        remains.append(found.chi_square)
+        assert found.freedoms == pose.size - seen.shape[1]
+    for values, freedoms in ((errors_, seen.shape[1]), (remains, found.freedoms)):
+        low, high = chi2.ppf([0.001, 0.999], 20 * freedoms)
+        assert low < np.sum(values) < high
+
+
+def test_noise_that_is_not_stated_is_estimated(rpr):
+    robot, near = rpr
+    truth = errors(robot, 1e-3, 4)
+    states, real = measured(robot, near, truth)
+    pose = robot.with_parameters(truth).tool_pose(real)
+    noise = 1e-5 * np.random.default_rng(1).standard_normal(pose.shape)
+    noise[:, :2] *= robot.equations.tree.length
+    found = analysis.calibrate(robot, analysis.MeasuredPoses(states, pose + noise))
+    assert not found.weighed and found.scale == pytest.approx(1e-5, rel=0.3)
+
+
+def test_the_best_poses_are_those_of_all_choices(rpr):
+    """Of 9 candidates and choices of 5, against the determinants of all 126."""
+    robot, states = rpr
+    few = robot.state(states.positions[:9])
+    chosen = analysis.best_poses(robot, few, 5, starts=8)
+    model = model_of(robot, (2, 3, 4))
+    q, readings = readings_of(robot, few)
+    J = model.slopes(model.closed(q, readings, robot.p), robot.p)
+    whole = analysis.observability(robot, few)
+    V = whole.directions[:, : whole.rank] * whole.sizes[:, None]
+    blocks = np.swapaxes(J @ V, 1, 2) @ (J @ V)
+    sizes: dict[tuple[int, ...], float] = {
+        each: float(volume(blocks[list(each)].sum(axis=0))) for each in combinations(range(9), 5)
+    }
+    assert sizes[chosen] == pytest.approx(max(sizes.values()), abs=1e-9)
+
+
+def test_reduced_combinations_span_what_was_given():
+    random = np.random.default_rng(2)
+    rows = random.standard_normal((3, 4)) @ random.standard_normal((4, 7))
+    found, places = echelon(rows)
+    close(found[:, places], np.eye(3), 1e-12)
+    assert np.linalg.matrix_rank(np.vstack([rows, found]), 1e-9) == 3
+
+
+REFUSALS = {
+    "nothing free": (
+        lambda r, s: (lw.Robot("rpr3"), analysis.MeasuredPoses(s, np.zeros((25, 3)))),
+        "no number of this robot is free",
+    ),
+    "nothing measured": (lambda r, s: (r, analysis.MeasuredPoses(s)), "nothing was measured"),
+    "no measurement": (lambda r, s: (r, np.zeros(3)), "give MeasuredPoses"),
+    "no robot": (
+        lambda r, s: (3, analysis.MeasuredPoses(s)),
+        "the robot is 3; give a linkwork.Robot",
+    ),
+    "the wrong shape": (
+        lambda r, s: (r, analysis.MeasuredPoses(s, np.zeros((3, 3)))),
+        r"have the shape \(3, 3\); give \(25, 3\)",
+    ),
+    "no number": (
+        lambda r, s: (r, analysis.MeasuredPoses(s, np.full((25, 3), np.nan))),
+        "the measured poses",
+    ),
+    "an actuator": (
+        lambda r, s: (r, analysis.MeasuredPoses(s, joints={"slide_1": np.zeros(25)})),
+        "'slide_1' is an actuator",
+    ),
+    "an unknown joint": (
+        lambda r, s: (r, analysis.MeasuredPoses(s, joints={"pivot_9": np.zeros(25)})),
+        "there is no joint 'pivot_9'",
+    ),
+    "no deviation": (
+        lambda r, s: (r, analysis.MeasuredPoses(s, np.zeros((25, 3)), position=-1.0)),
+        "the deviation of position",
+    ),
+    "one state": (lambda r, s: (r, analysis.MeasuredPoses(r.home, np.zeros((1, 3)))), "no stack"),
+    "too few poses": (
+        lambda r, s: (r, analysis.MeasuredPoses(r.state(s.positions[:1]), np.zeros((1, 3)))),
+        None,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", [name for name, (_, sentence) in REFUSALS.items() if sentence])
+def test_refusals(rpr, name):
+    make, sentence = REFUSALS[name]
+    with pytest.raises(lw.LinkworkError, match=sentence):
+        analysis.calibrate(*make(*rpr))
+
+
+def test_choices_that_tell_too_little_are_refused(rpr):
+    robot, states = rpr
+    with pytest.raises(lw.LinkworkError, match="measure 5 poses or more"):
+        analysis.best_poses(robot, states, 2)
+    with pytest.raises(lw.LinkworkError, match="give a number from 1 to 25"):
+        analysis.best_poses(robot, states, 26)
+    with pytest.raises(lw.LinkworkError, match="measure is 'all'; choose from 'pose'"):
+        analysis.observability(robot, states, measure="all")  # pyright: ignore
+
+
+def test_numbers_that_open_a_loop_of_redundant_rows_are_refused():
+    robot = lw.Robot("bennett")
+    name = next(name for name in robot.mechanism.joints if name not in robot.actuators)
+    free = robot.free(f"{name}.frames.0.turn.x")
+    state = free.state(free.home.positions[None])
+    with pytest.raises(lw.LinkworkError, match="more constraints than it needs"):
+        analysis.observability(free, state, measure="nothing", joints=[name])
