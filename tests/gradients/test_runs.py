@@ -257,6 +257,42 @@ def test_the_time_of_an_event_that_ends_a_run_is_differentiated():
     assert [back[name] for name in exact] == pytest.approx([x for _, x in exact.values()])
 
 
+def test_an_integral_up_to_an_event():
+    """int v^2 dt = (v^3 - v0^3) / (3 u / m)."""
+    robot, a, u, m = lw.Robot(CART).free("cart.mass"), 0.5, 3.0, 2.0
+    end = Event(lambda t, state: state["rail"] - a, terminal=True)
+    options = {"duration": 5, "events": [end], **TIGHT}
+
+    def exact(v0=0.4, u=u, m=m, x0=0.0):
+        return (np.sqrt(v0**2 + 2 * u * (a - x0) / m) ** 3 - v0**3) / (3 * u / m)
+
+    start = robot.home.with_rates([0.4])
+    found = robot.gradient(
+        None, start, [u], running=lambda t, state: state.rate("rail") ** 2, **options
+    )
+    assert found.value == pytest.approx(exact(), rel=1e-11)
+    names = {"positions.rail": "x0", "rates.rail": "v0", "forces.rail": "u", "cart.mass": "m"}
+    base = {"x0": 0.0, "v0": 0.4, "u": u, "m": m}
+    for name, key in names.items():
+        expected = derivative(lambda d, key=key: exact(**{key: base[key] + d}))
+        assert found[name] == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_running_loss_that_jumps():
+    robot, u, m = lw.Robot(CART), 3.0, 2.0
+
+    def paid(t, state):
+        return math.where(state["rail"] < 0.5, 2.0, 5.0)
+
+    switch = Event(lambda t, state: state["rail"] - 0.5, cuts=True)
+    options = {"duration": 1.2, **TIGHT}
+    found = robot.gradient(None, robot.home, [u], running=paid, events=[switch], **options)
+    passed = np.sqrt(2 * 0.5 * m / u)
+    assert found.value == pytest.approx(2 * passed + 5 * (1.2 - passed), rel=1e-11)
+    assert found["positions.rail"] == pytest.approx(3 / (u / m * passed), rel=1e-7)
+    refused("what acts jumps", robot.gradient, None, robot.home, [u], running=paid, **options)
+
+
 def test_forces_that_jump_at_an_event_carry_the_jump_over():
     """Under u1 up to a, and u2 from there on."""
     robot, a, u1, u2, duration = lw.Robot(CART), 0.5, 3.0, -1.0, 1.2

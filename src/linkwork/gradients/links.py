@@ -235,12 +235,14 @@ class ChartChange(RunLink):
 class Passing(RunLink):
     """An event that is passed, or that ends the run.
 
-    moment: the Jacobian of its time t_e; jump (n): y' before it less that behind it
+    moment: the Jacobian of its time t_e; jump (n), cost: y' and the cost before it less those
+        behind it
     numbers: of samples of the end itself, which is at t_e
     """
 
     moment: Partials
     jump: np.ndarray
+    cost: float
     numbers: np.ndarray
 
     def along(self, changes: Changes) -> None:
@@ -251,7 +253,7 @@ class Passing(RunLink):
 
     def against(self, slopes: LossSlopes) -> None:
         slopes.read(self.numbers)
-        bar = slopes.y @ self.jump + slopes.sample_t[self.numbers].sum()
+        bar = slopes.y @ self.jump + self.cost + slopes.sample_t[self.numbers].sum()
         y, held, _ = self.moment.against(slopes, np.array([[bar]]))
         slopes.y, slopes.held = slopes.y + y[0], slopes.held + held[0]
 

@@ -202,7 +202,7 @@ class OfSegment:
         does."""
         last = len(self.t) - 1
         ends = sorted({0, last, *self.acts, *self.jumps})
-        branching = switching(self.system, self.chart)
+        branching = switching(self.system, self.chart, self.whole.cost)
         if branching is not None:
             x = np.column_stack([self.y, values(self.system.inputs, self.t, False), self.held])
             require_no_jumps(branching, self.system.p(self.chart), self.t, x, self.cuts.keys())
@@ -311,21 +311,26 @@ class OfSegment:
             size = self.t[row]
             state = self.state(row, self.held[row - 1], from_left=True)
             before, behind = self.beside(state, -ASIDE * size), self.beside(state, ASIDE * size)
-            jump = before - behind
-            if np.abs(jump).max() > SMOOTH * np.abs(before).max():
-                moment = self.whole.moment(self.chart, state, event, before)
-                found[row] = Passing(moment, jump, np.empty(0, int))
+            jump, n = before - behind, self.y.shape[1]
+            if (np.abs(jump) > SMOOTH * np.abs(before).max()).any():
+                moment = self.whole.moment(self.chart, state, event, before[:n])
+                found[row] = Passing(moment, jump[:n], jump[n], np.empty(0, int))
         return found
 
     def slope(self, y: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Return y' in a state."""
-        motion = self.system.kernel(self.chart, "motion")
-        return motion.flat(y, u, self.system.p(self.chart))[:-1]
+        """Return y' in a state, and the cost, 0 if there is none."""
+        p, cost = self.system.p(self.chart), self.whole.cost
+        found = self.system.kernel(self.chart, "motion").flat(y, u, p)
+        found[-1] = 0.0
+        if cost is not None:
+            found[-1] = self.system.kernel(self.chart, "events").flat(y, u, p)[cost]
+        return found
 
     def beside(self, state: Sampling, aside: float) -> np.ndarray:
-        """Return y' at an event from one side, by two states along the motion there."""
+        """Return y' and the cost at an event from one side, by two states along the motion
+        there."""
         (y,), (u,) = state.y, state.u
-        along = self.slope(y, u)
+        along = self.slope(y, u)[:-1]
         near, far = (self.slope(y + d * along, u) for d in (aside, 2 * aside))
         return 2 * near - far
 
@@ -336,7 +341,8 @@ class OfSegment:
         row = len(self.t) - 1
         state = self.state(row, self.held[max(row - 1, 0)], from_left=True)
         slope = self.slope(state.y[0], state.u[0])
-        return Passing(self.whole.moment(self.chart, state, event, slope), slope, numbers)
+        moment = self.whole.moment(self.chart, state, event, slope[:-1])
+        return Passing(moment, slope[:-1], slope[-1], numbers)
 
 
 def pieces(signal: Signal, t: np.ndarray, from_left: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -38,13 +38,14 @@ class Switching(NamedTuple):
     kernel: Kernel
 
 
-def switching(system: System, chart: CompiledChart) -> Switching | None:
-    """Return how what acts branches in a chart; None where it does not."""
+def switching(system: System, chart: CompiledChart, cost: int | None) -> Switching | None:
+    """Return how what acts branches in a chart, and the cost, the event function of a number; None
+    where they do not."""
     assert system.acting is not None
     if not branches(system.acting.function):
         return None
     joined, key = system.joined(chart), system.acting.key
-    kernel = chart.compiled(f"{key} switches", lambda _: function(joined))
+    kernel = chart.compiled(f"{key} switches {cost}", lambda _: function(joined, cost))
     return Switching(kernel.outputs[0][1], kernel)
 
 
@@ -54,9 +55,10 @@ def branches(acting: ca.Function) -> bool:
     return any(acting.instruction_id(k) in STEPPING for k in range(acting.n_instructions()))
 
 
-def function(joined: Joined) -> ca.Function:
+def function(joined: Joined, cost: int | None) -> ca.Function:
     """Return (q, v, z, r, p) -> modes, and what acts continuously."""
     acts = [joined.outputs[name] for name in ("force", "extra_rates", "wrenches")]
+    acts += [] if cost is None else [joined.outputs["events"][cost]]
     plain = ca.Function("acts", [*joined.inputs.values()], [ca.densify(ca.vertcat(*acts))])
     given = plain.sx_in()
     of_time = given[3][: int(joined.acting.timed)]
