@@ -48,6 +48,56 @@ def test_trees_of_all_joints_move_alike(seed, kinds):
     assert error(robot, *drawn(robot, seed)) < CLOSE
 
 
+@pytest.mark.parametrize("name", ["puma560", "andrews"])
+def test_springs_and_friction_of_robots_act(name):
+    robot = lw.Robot(name)
+    state, forces = drawn(robot)
+    assert np.abs(robot.to_pinocchio().applied(state)).max() > 0.1
+    assert error(robot, state, forces) < CLOSE
+
+
+@pytest.mark.parametrize(("seed", "kinds"), [(3, KINDS), (4, KINDS[::-1])])
+def test_what_acts_in_trees_of_all_joints_acts(seed, kinds):
+    """Springs and friction in every freedom, balls too, forwards and backwards."""
+    mechanism = random_tree(seed, 7, kinds=kinds)
+    laws = {
+        "friction": lw.Friction(viscous=0.3, coulomb=0.2),
+        "spring": lw.Spring(stiffness=2.0, damping=0.1),
+    }
+    joints = {}
+    for name, joint in mechanism.joints.items():
+        parts = [part.name for part in joint.parts(name)]
+        single = isinstance(joint.friction, lw.Friction)
+        own = {key: law if single else dict.fromkeys(parts, law) for key, law in laws.items()}
+        joints[name] = type(joint).model_validate({**dict(joint), **own})
+    robot = lw.Robot(mechanism.model_copy(update={"joints": joints, "actuators": ()}))
+    live, (state, _) = robot.to_pinocchio(), drawn(robot, seed)
+    assert np.count_nonzero(np.abs(live.applied(state)) > 1e-3) > len(kinds)
+    assert error(robot, state, ()) < CLOSE
+
+
+def test_contacts_act():
+    """A ball that has sunk 1 mm into the floor and slides."""
+    floor = lw.Contact(
+        connects=("ground", "ball"),
+        surfaces=(lw.Plane(), lw.Sphere(radius=0.1)),
+        stiffness=1e4,
+        friction={"coefficient": 0.3},
+    )
+    body = lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.004, yy=0.004, zz=0.004))
+    mechanism = lw.Mechanism(
+        name="ball",
+        bodies={"ball": body},
+        joints={"free": lw.FreeJoint(connects=("ground", "ball"))},
+        contacts={"floor": floor},
+        gravity=(0.0, 0.0, -9.81),
+    )
+    robot = lw.Robot(mechanism)
+    state = robot.state([0.0, 0.0, 0.099, 1.0, 0.0, 0.0, 0.0]).with_rates([0.3, *[0.0] * 5])
+    assert robot.to_pinocchio().applied(state)[2] == pytest.approx(1e4 * 0.001**1.5, rel=1e-6)
+    assert error(robot, state, ()) < CLOSE
+
+
 def test_a_state_is_read_back():
     robot = lw.Robot(random_tree(0, 3, kinds=("spherical", "screw", "revolute")))
     robot = lw.Robot(robot.mechanism.model_copy(update={"actuators": ()}))
@@ -66,15 +116,22 @@ def test_free_numbers_have_their_values():
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("puma560", r"joints\.joint_1: springs, friction and stops have no place"),
         ("delta", r"joints\.rod_1_left: is a rod"),
-        ("andrews", r"springs\.CD: Pinocchio's model has no place for springs"),
         ("rrs3", "platform: all of its joints close loops"),
     ],
 )
 def test_what_pinocchio_cannot_hold_is_refused(name, sentence):
     with pytest.raises(lw.LinkworkError, match=sentence):
         lw.Robot(name).to_pinocchio()
+
+
+def test_bristles_are_refused():
+    mechanism = lw.robots.prr3()
+    friction = lw.Friction(coulomb=0.2, bristle=lw.Bristle(stiffness=1e4))
+    slide = mechanism.joints["slide_1"].model_copy(update={"friction": friction})
+    joints = {**mechanism.joints, "slide_1": slide}
+    with pytest.raises(lw.LinkworkError, match="friction that sticks by a bristle"):
+        lw.Robot(mechanism.model_copy(update={"joints": joints})).to_pinocchio()
 
 
 def test_what_does_not_fit_is_refused(monkeypatch):

@@ -1,7 +1,10 @@
 """A robot as a live model of Pinocchio: the spanning tree of its equations, with constraints that
 close the loops.
 
-    M v' + h = S' u + J' lambda,   J v' + gamma = 0                   (v: the rates of the tree)
+    M v' + h = S' u + f + J' lambda,   J v' + gamma = 0               (v: the rates of the tree)
+
+f is what else acts: springs, friction, stops, contacts and a fluid, for which Pinocchio has no
+place, by the robot's own equations.
 
 Turns, slides and screws have the robot's own coordinates and rates; of a ball, with R = R_12 and
 the angular velocity w of F2 relative to F1 in F1's axes,
@@ -16,15 +19,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from linkwork import checks
+from linkwork.equations.algebra import SX
+from linkwork.equations.functions import function
 from linkwork.equations.joints import ElementaryMotion, held_length, motions_of, pattern
 from linkwork.equations.topology import Branch, span
+from linkwork.equations.uncharted import uncharted
 from linkwork.errors import LinkworkError
 from linkwork.export._mujoco import home_of
 from linkwork.formats import poses
@@ -32,6 +40,7 @@ from linkwork.formats.mjcf.model_plan import ARM
 from linkwork.mechanism import GROUND, Mechanism, PairJoint
 from linkwork.mechanism.bearing import bearings
 from linkwork.mechanism.joints import JointFreedom
+from linkwork.mechanism.sticking import strains
 from linkwork.model.checks import actuator_forces
 from linkwork.model.state import State
 from linkwork.robot import Robot
@@ -39,7 +48,7 @@ from linkwork.robot import Robot
 MISSING = "Pinocchio is not installed; pip install 'linkwork[engines]'"
 ACCURACY, REGULARISATION, ROUNDS = 1e-6, 1e-6, 20  # of the proximal iterations
 TURN, BALL = ("turn",), ("ball",)
-ACTING = ("springs", "contacts", "lifts", "drags", "transmissions", "gears")
+ACTING = ("transmissions", "gears")
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +106,32 @@ class PinocchioModel:
                 tau[joint.v] = pushed.get(joint.freedom.rates[0], 0.0)
         return tau
 
+    def applied(self, state: State) -> np.ndarray:
+        """Return tau (nv) of what acts beside actuators and weight at one state: springs, friction,
+        stops, contacts and a fluid; add it to that of `forces` where Pinocchio is called."""
+        own, tree = self.robot.own(state), self.robot.equations.tree
+        q, v = self.configuration(state)
+        rates = dict(zip(self.robot.rates, self.robot.joint_rates(own), strict=True))
+        w = [rates[name] for name in tree.rates]
+        f = np.asarray(self.acting(own.q, w, self.robot.p), float).ravel()
+        found, tau = dict(zip(tree.rates, f, strict=True)), np.zeros_like(v)
+        for joint in self.joints:
+            part = np.array([found[name] for name in joint.freedom.rates])
+            if joint.ball:
+                R = Rotation.from_quat(q[joint.q])
+                part = -part if joint.backwards else R.inv().apply(part)
+            tau[joint.v] = part
+        return tau
+
+    @cached_property
+    def acting(self) -> ca.Function:
+        """(q, w) -> f on the rates of the tree."""
+        free = uncharted(self.robot.equations)
+        alone, whole = (
+            free.tree_forces(SX.zeros(free.nv), free.gravity, passive) for passive in (False, True)
+        )
+        return function("acting", free, {"f": alone - whole}, w=free.v)
+
     def accelerations(
         self, state: State, forces: ArrayLike | Mapping[str, ArrayLike]
     ) -> dict[str, float]:
@@ -115,7 +150,7 @@ class PinocchioModel:
             held.append(constraint.createData())
         engine.initConstraintDynamics(self.model, data, self.constraints, held)
         proximal = engine.ProximalSettings(ACCURACY, ACCURACY, REGULARISATION, ROUNDS)
-        tau = self.forces(forces)
+        tau = self.forces(forces) + self.applied(state)
         a = engine.constraintDynamics(self.model, data, q, v, tau, self.constraints, held, proximal)
         if not np.isfinite(a).all():
             raise LinkworkError(
@@ -221,12 +256,11 @@ def refuse(mechanism: Mechanism) -> None:
                 f"joints.{name}: is a rod, which Pinocchio has no constraint for; make it a link "
                 "between spherical joints, or take to_mujoco"
             )
-        for own in joint.effects().values():
-            if any(own.loads[:-1]) or own.friction.bristle:
-                raise LinkworkError(
-                    f"joints.{name}: springs, friction and stops have no place in Pinocchio's "
-                    "model; leave them out, and add their forces to tau"
-                )
+    for strain in strains(mechanism):
+        raise LinkworkError(
+            f"{strain.of}: friction that sticks by a bristle has a state of its own, which "
+            "Pinocchio has no place for; give this friction without a bristle"
+        )
 
 
 def depth_first(branches: tuple[Branch, ...], parent: str = GROUND) -> Iterator[Branch]:
