@@ -25,7 +25,12 @@ MEANING = {
     "Invalid_Number_Detected": "the start, or what lies near it, is singular",
     "Restoration_Failed": "IPOPT gets stuck where constraints stay open",
 }
-QUIET = {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes"}
+QUIET = {
+    "print_time": False,
+    "show_eval_warnings": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+}
 
 
 class NoOptimumError(LinkworkError):
@@ -54,6 +59,12 @@ class Programme:
     start: np.ndarray
     bounds: tuple[np.ndarray, np.ndarray]
     g_bounds: tuple[np.ndarray, np.ndarray]
+
+    def unmoved(self, among: int) -> np.ndarray:
+        """Return which of the first unknowns move neither f nor g at the start."""
+        first = ca.vertcat(self.f, self.g)
+        slopes = ca.Function("slopes", [self.x], [ca.jacobian(first, self.x)[:, :among]])
+        return np.flatnonzero(~slopes(self.start).full().any(axis=0))
 
     def solve(self, what: str, steps: int) -> LocalOptimum:
         """Return a local optimum.

@@ -128,6 +128,8 @@ def test_bad_input_is_refused():
         (({number: (0.7, 1.3)}, "stiff"), "give design.Isotropy"),
         (({number: (0.7, 1.3)}, alike, {alike: -1}), "bound of Isotropy"),
         (({number: (0.7, 1.3)}, alike, {alike: 0.99}), "from this start none keeps all"),
+        (({"rod_2.mass": (0.5, 2)}, alike), "nothing that is measured depends on 'rod_2.mass'"),
+        (({number: (0.7, 1.3)}, design.Frequency([[1, 0.5]])), "nothing holds the robot"),
         (({number: (0.7, 1.3)}, design.Isotropy([[3.0, 0.0]])), "with the tool at"),
         (({number: (0.7, 1.3)}, design.Frequency([[1, 1]], {"hinge_9": 1.0})), "hinge_9"),
     ]

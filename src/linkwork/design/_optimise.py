@@ -178,6 +178,11 @@ def solved(
         (lower, upper),
         (np.zeros(g.numel()), most),
     )
+    for idle in programme.unmoved(len(chosen.names)):
+        raise LinkworkError(
+            f"nothing that is measured depends on {chosen.names[idle]!r}; leave it out, or measure "
+            "what does"
+        )
     found = programme.solve("design that keeps all loops closed and all bounds", STEPS)
     return found, np.clip(found.x[: len(chosen.names)], 0.0, 1.0)
 

@@ -38,6 +38,7 @@ from linkwork.paths import Path
 from linkwork.robot import Robot, State
 
 FEWEST = 3  # samples of a path
+LOOSE = 1e-3  # frequency [Hz] that rounding may make of none
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,8 +215,18 @@ class Frequency(Measure):
         # The same in units in which the pivots of M are near one.
         units = np.sqrt(np.diag(robot.mass_matrix(robot.home)))
         scaled = ca.diag(1 / ca.DM(units)) @ (K - (2 * pi * t) ** 2 * M) @ ca.diag(1 / ca.DM(units))
-        size = (2 * pi * max(abs(self.value(robot)), 1e-3)) ** 2
+        size = (2 * pi * self._held(robot)) ** 2
         return of.judged(self.states(robot), pivots(scaled / size))
+
+    def _held(self, robot: Robot) -> float:
+        """Return the value of a robot that is held; refuse one that is loose or falls."""
+        value = self.value(robot)
+        if not value > LOOSE:
+            raise LinkworkError(
+                f"the lowest natural frequency is {value:.3g} Hz: nothing holds the robot at some "
+                "pose; give the stiffness of its drives"
+            )
+        return value
 
     def _drives(self, robot: Robot) -> tuple[list[int], np.ndarray]:
         """Return the rows of the joints that are stiff, and their stiffness."""
