@@ -11,7 +11,7 @@ from typing import Any
 import jax.numpy as jnp
 
 import jax
-from linkwork.jax.evaluation import block_text
+from linkwork.jax.evaluation import block_text, chunk_text
 from linkwork.jax.handler import Sentences, handler_text
 from linkwork.kernels import Kernel
 from linkwork.kernels.compile import Code, object_code
@@ -38,7 +38,8 @@ class Calls:
     def of(self, kernel: Kernel, weighed: bool) -> Callable[..., Any]:
         """Return the call of a kernel: arrays (..., size) -> its first output (..., m)."""
         if id(kernel) not in self._made:
-            block = block_text(kernel, weighed, PIVOT_BOUND, this_machine())
+            given = kernel, weighed, PIVOT_BOUND, this_machine()
+            block = f"{block_text(*given)}\n\n{chunk_text(*given)}"
             sizes = [size for _, size in kernel.inputs]
             outputs, told = [kernel.outputs[0][1]], self.sentences(kernel.name)
             self._made[id(kernel)] = self.made(kernel.name, block, sizes, outputs, told, kernel)
@@ -60,7 +61,7 @@ class Calls:
         name: of what it evaluates; told: where it refuses; kept: what the machine code needs
         """
         machine = this_machine()
-        text = handler_text(inputs, outputs, told, self.raises, machine)
+        text = handler_text(inputs, outputs, told, self.raises, machine, "@chunk" in block)
         code = Code(object_code(f"{block}\n\n{text}", machine), (HANDLER,))
         target = f"linkwork.{self.robot}.{name}.{next(_numbers)}"
         capsule = jax.ffi.pycapsule(ctypes.cast(code.addresses[HANDLER], ctypes.c_void_p))

@@ -10,8 +10,9 @@ are meant, and hands the states, as many at a time as a vector register holds, t
     int64_t block(int64_t states, const double** in, const int64_t* strides, double** out)
 
 which returns a bit for each state whose rates do not determine the motion, and 32 bits further up
-one for each that is not finite. The leading dimensions of arguments are those of the results; where
-they are all 1 every state has the same numbers.
+one for each that is not finite. Where there is a quicker way, bool chunk(in, strides, out), it takes
+CHUNK states and tells only whether all is well; blocks tell what is not. The leading dimensions of
+arguments are those of the results; where they are all 1 every state has the same numbers.
 Source: xla/ffi/api/c_api.h.
 """
 
@@ -31,6 +32,7 @@ BUFFER = {"dtype": 16, "data": 24, "rank": 32, "dims": 40}
 API = {"major": 32, "minor": 36, "error_create": 48}
 EXTENSION = {"type": 8, "metadata": 24}
 METADATA = {"major": 24, "minor": 28, "traits": 32}
+CHUNK = 256  # states that `chunk` evaluates
 METADATA_ASKED, F64, INVALID, FAILED = 1, 12, 3, 9
 ERROR_BYTES = 28
 DIGITS = 20  # of the longest whole number
@@ -52,8 +54,10 @@ def handler_text(
     sentences: Sentences,
     raises: bool,
     machine: Machine,
+    chunks: bool = False,
 ) -> str:
-    """Return the LLVM functions of a handler; the module has to define `block` as well.
+    """Return the LLVM functions of a handler; the module has to define `block` as well, and
+    `chunk` where there are chunks.
 
     inputs, outputs: doubles of one state; raises: whether states that are refused are errors, or
         filled with NaN
@@ -67,7 +71,7 @@ def handler_text(
     _read(lines, "args", inputs, "in")
     _read(lines, "rets", outputs, "out")
     _count(lines, inputs, outputs)
-    _blocks(lines, inputs, outputs, raises)
+    _blocks(lines, inputs, outputs, raises, chunks)
     lines.label("misfit")
     misfit = lines.let(f"call ptr @error(ptr %frame, ptr @misfit, i32 {INVALID})")
     lines.do(f"ret ptr {misfit}")
@@ -132,16 +136,34 @@ def _count(lines: Lines, inputs: Sequence[int], outputs: Sequence[int]) -> None:
     lines.do(f"br i1 {fits}, label %sized, label %misfit")
     lines.label("sized")
     some = lines.let("icmp sgt i64 %out.0.states, 0")
-    lines.do(f"br i1 {some}, label %block, label %done")
+    lines.do(f"br i1 {some}, label %loop, label %done")
 
 
-def _blocks(lines: Lines, inputs: Sequence[int], outputs: Sequence[int], raises: bool) -> None:
+def _blocks(
+    lines: Lines, inputs: Sequence[int], outputs: Sequence[int], raises: bool, chunks: bool
+) -> None:
     """Append the loop over blocks of states, and what is told of those that are refused."""
     lanes = lines.width
+    lines.label("loop")
+    lines.do("%first = phi i64 [ 0, %sized ], [ %next, %onward ], [ %first, %unwell ]")
+    lines.do("%single = phi i64 [ 0, %sized ], [ %single, %onward ], [ %end, %unwell ]")
+    left = lines.let("sub i64 %out.0.states, %first")
+    # A chunk; where not all of it is well, blocks up to its end.
+    lines.do(f"%end = add i64 %first, {CHUNK}")
+    if chunks:
+        enough = lines.let(f"icmp sge i64 {left}, {CHUNK}")
+        untried = lines.let("icmp sge i64 %first, %single")
+        whole = lines.let(f"and i1 {enough}, {untried}")
+        lines.do(f"br i1 {whole}, label %chunk, label %block")
+        lines.label("chunk")
+        lines.do("%well = call i1 @chunk(ptr %in, ptr %strides, ptr %out)")
+        lines.do("br i1 %well, label %onward, label %unwell")
+    else:
+        lines.do("br i1 true, label %block, label %unwell")
+    lines.label("unwell")
+    lines.do("br label %loop")
     # As many states as there are lanes, or those that are left.
     lines.label("block")
-    lines.do("%first = phi i64 [ 0, %sized ], [ %next, %onward ]")
-    left = lines.let("sub i64 %out.0.states, %first")
     lines.do(f"%few = call i64 @llvm.smin.i64(i64 {left}, i64 {lanes})")
     lines.do("%refused = call i64 @block(i64 %few, ptr %in, ptr %strides, ptr %out)")
     good = lines.let("icmp eq i64 %refused, 0")
@@ -167,15 +189,18 @@ def _blocks(lines: Lines, inputs: Sequence[int], outputs: Sequence[int], raises:
         lines.do("br label %onward")
     # On to the next rows.
     lines.label("onward")
+    ways = ["block", *([] if raises else ["bad"])]
+    counts = [f"[ {lanes}, %{way} ]" for way in ways] + [f"[ {CHUNK}, %chunk ]"] * chunks
+    lines.do(f"%done.states = phi i64 {', '.join(counts)}")
     for k in range(len(inputs)):
         place = lines.let(f"getelementptr inbounds i64, ptr %strides, i64 {k}")
         stride = lines.let(f"load i64, ptr {place}")
-        _advance(lines, "in", k, lines.let(f"mul i64 {stride}, {lanes}"))
+        _advance(lines, "in", k, lines.let(f"mul i64 {stride}, %done.states"))
     for k, size in enumerate(outputs):
-        _advance(lines, "out", k, str(size * lanes))
-    lines.do(f"%next = add i64 %first, {lanes}")
+        _advance(lines, "out", k, lines.let(f"mul i64 {size}, %done.states"))
+    lines.do("%next = add i64 %first, %done.states")
     more = lines.let("icmp slt i64 %next, %out.0.states")
-    lines.do(f"br i1 {more}, label %block, label %done")
+    lines.do(f"br i1 {more}, label %loop, label %done")
     lines.label("done")
     lines.do("ret ptr null")
 

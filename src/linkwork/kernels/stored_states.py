@@ -9,9 +9,12 @@ block. The last state fills up the last block, so that its row is written severa
 same numbers.
 """
 
+from linkwork.kernels import transposed
 from linkwork.kernels.lines import Lines, function_text
 from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import Program
+
+LONG = 256  # numbers a row that are moved one by one
 
 
 def rows_text(program: Program, machine: Machine) -> str:
@@ -19,13 +22,30 @@ def rows_text(program: Program, machine: Machine) -> str:
     lines = Lines(machine.lanes)
     lines.do("%last = add i64 %states, -1")
     lines.do("%some = icmp sgt i64 %states, 0")
+    # Whether all rows of the inputs lie without gaps: then whole blocks are transposed.
+    dense = "true"
+    for k, (size, _) in enumerate(_placed(program.inputs)):
+        same = lines.let(f"icmp eq i64 {_entry(lines, 'i64', '%strides', k)}, {size}")
+        dense = lines.let(f"and i1 {dense}, {same}")
     lines.do("br i1 %some, label %block, label %done")
     lines.label("block")
-    lines.do("%first = phi i64 [ 0, %entry ], [ %first.next, %block ]")
+    lines.do("%first = phi i64 [ 0, %entry ], [ %first.next, %onward ]")
+    lines.do(f"%first.next = add i64 %first, {machine.lanes}")
+    whole = lines.let("icmp sle i64 %first.next, %states")
+    lines.do(f"br i1 {lines.let(f'and i1 {dense}, {whole}')}, label %whole, label %single")
+    lines.label("whole")
+    for k, (size, start) in enumerate(_placed(program.inputs)):
+        _move_whole(lines, "gather", _rows_from(lines, "%in", k, size), size, ("%x", start))
+    lines.do("call void @batch(i64 1, ptr %x, ptr %y)")
+    for k, (size, start) in enumerate(_placed(program.outputs)):
+        _move_whole(lines, "scatter", _rows_from(lines, "%out", k, size), size, ("%y", start))
+    lines.do("br label %onward")
+    lines.label("single")
     _moves(lines, "gather", "%in", "%x", [(size, None) for _, size in program.inputs])
     lines.do("call void @batch(i64 1, ptr %x, ptr %y)")
     _moves(lines, "scatter", "%out", "%y", [(size, size) for _, size in program.outputs])
-    lines.do(f"%first.next = add i64 %first, {machine.lanes}")
+    lines.do("br label %onward")
+    lines.label("onward")
     lines.do("%more = icmp slt i64 %first.next, %states")
     lines.do("br i1 %more, label %block, label %done")
     lines.label("done")
@@ -33,6 +53,37 @@ def rows_text(program: Program, machine: Machine) -> str:
     pointers = "ptr %in, ptr %strides, ptr %out, ptr noalias %x, ptr noalias %y"
     head = f"void @rows(i64 %states, {pointers}) {machine.attributes}"
     return f"{moves_text(machine)}\n\n{function_text(head, lines.text)}"
+
+
+def _move_whole(lines: Lines, move: str, rows: str, size: int, block: tuple[str, int]) -> None:
+    """Append the move of a whole block of rows without gaps; long ones are moved by the function
+    for any rows, lest the code grow with them."""
+    place = lines.at(*block)
+    if size > LONG:
+        given = f"i64 {size}, ptr {rows}, i64 {size}, i64 0, i64 {lines.width - 1}, ptr {place}"
+        lines.do(f"call void @{move}({given})")
+    elif move == "gather":
+        transposed.gather(lines, rows, size, place)
+    else:
+        transposed.scatter(lines, place, size, rows)
+
+
+def _placed(parts: tuple[tuple[str, int], ...]) -> list[tuple[int, int]]:
+    """Return the size of each input or output, and where it begins in a block."""
+    sizes = [size for _, size in parts]
+    return [(size, sum(sizes[:k])) for k, size in enumerate(sizes)]
+
+
+def _entry(lines: Lines, kind: str, table: str, k: int) -> str:
+    place = lines.let(f"getelementptr inbounds {kind}, ptr {table}, i64 {k}")
+    return lines.let(f"load {kind}, ptr {place}")
+
+
+def _rows_from(lines: Lines, table: str, k: int, size: int) -> str:
+    """Return where the first row of a block begins in an array whose rows have no gaps."""
+    start = lines.let(f"mul i64 %first, {size}")
+    base = _entry(lines, "ptr", table, k)
+    return lines.let(f"getelementptr inbounds double, ptr {base}, i64 {start}")
 
 
 def moves_text(machine: Machine) -> str:

@@ -1,0 +1,41 @@
+"""Rows of states and vectors of them, moved to and fro by machines of all widths."""
+
+import ctypes
+
+import numpy as np
+import pytest
+
+from linkwork.kernels import transposed
+from linkwork.kernels.compile import Code, object_code
+from linkwork.kernels.lines import Lines, function_text
+from linkwork.kernels.machine import Machine, this_machine
+
+HERE = this_machine()
+SSE = Machine(HERE.triple, HERE.cpu, HERE.features.replace("+avx", "-avx"))
+AVX2 = Machine(HERE.triple, HERE.cpu, HERE.features.replace("+avx512", "-avx512"))
+MACHINES = {machine.lanes: machine for machine in (SSE, AVX2, HERE)}
+
+
+@pytest.mark.parametrize("lanes", sorted(MACHINES))
+@pytest.mark.parametrize("n", [*range(1, 18), 23, 40])
+def test_rows_become_columns_and_rows_again(lanes, n):
+    """Nothing beyond the rows is written, nor beyond the last one read."""
+    machine, parts = MACHINES[lanes], []
+    for name in ("gather", "scatter"):
+        lines = Lines(lanes)
+        getattr(transposed, name)(lines, "%a", n, "%b")
+        lines.do("ret void")
+        parts.append(
+            function_text(f"void @{name}(ptr %a, ptr %b) {machine.attributes}", lines.text)
+        )
+    code = Code(object_code("\n\n".join(parts), machine), ("gather", "scatter"))
+    rows = np.arange(1.0, lanes * n + 1).reshape(lanes, n)
+    room = np.zeros(n * lanes + 8)
+    block = room[-room.ctypes.data % 64 // 8 :][: n * lanes]
+    call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+    call(code.addresses["gather"])(rows.ctypes.data, block.ctypes.data)
+    np.testing.assert_array_equal(block.reshape(n, lanes), rows.T)
+    back = np.full(lanes * n + 1, -1.0)
+    call(code.addresses["scatter"])(block.ctypes.data, back.ctypes.data)
+    np.testing.assert_array_equal(back[:-1].reshape(lanes, n), rows)
+    assert back[-1] == -1
