@@ -10,9 +10,10 @@ are meant, and hands the states, as many at a time as a vector register holds, t
     int64_t block(int64_t states, const double** in, const int64_t* strides, double** out)
 
 which returns a bit for each state whose rates do not determine the motion, and 32 bits further up
-one for each that is not finite. Where there is a quicker way, bool chunk(in, strides, out), it takes
-CHUNK states and tells only whether all is well; blocks tell what is not. The leading dimensions of
-arguments are those of the results; where they are all 1 every state has the same numbers.
+one for each that is not finite. Where there is a quicker way, bool chunk(in, strides, out), it
+takes CHUNK states and tells only whether all is well; blocks tell what is not. The leading
+dimensions of arguments are those of the results; where they are all 1 every state has the same
+numbers.
 Source: xla/ffi/api/c_api.h.
 """
 

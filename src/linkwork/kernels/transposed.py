@@ -10,6 +10,8 @@ is not compiled.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from linkwork.kernels.lines import Lines
 
 FEW = 3  # numbers a row that are dealt with fewer exchanges than squares take
@@ -116,7 +118,7 @@ def _transposed(lines: Lines, square: list[str], distance: int) -> list[str]:
     return square
 
 
-def _shuffled(lines: Lines, a: str, b: str, order: list[int | None]) -> str:
+def _shuffled(lines: Lines, a: str, b: str, order: Sequence[int | None]) -> str:
     if a == b == "poison":
         return "poison"
     told = ", ".join("i32 poison" if k is None else f"i32 {k}" for k in order)
