@@ -111,7 +111,8 @@ def led_ahead(leader: Leader, assembler: Assembler, last: Led, step: float, way:
     guess = unit(assembler.tree, q + ahead.T)
     found, good = leader.approached(guess, way.y)
     good &= np.abs((found - guess) / assembler.tree.units).max(axis=1, initial=0.0) <= NEAR
-    count = first_not(good)
+    if not (count := first_not(good)):
+        return found[:0], last[1][:0], last[2][:0]
     rates, accelerations, good = rates_along(leader.least, found[:count], way.part(slice(count)))
     count = first_not(good)
     return found[:count], rates[:count], accelerations[:count]

@@ -103,7 +103,8 @@ def fastest(
     within its intervals, in quarters of them: where one would be passed there, all are tightened
     until none is. The duration is above the least one by a part that falls with the number of
     points (some 0.1 % to 0.4 % of 401). With more actuators than freedoms the forces are those of
-    least norm. The jerk is not limited.
+    least norm. The jerk is not limited; an S-curve along the path (`along`), as
+    fast as the forces that it needs allow, has one that is.
 
     Args:
         robot: that is led.
