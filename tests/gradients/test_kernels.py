@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.equations import Equations, derive, functions
+from linkwork.equations import Equations, charts_at, derive, functions
 from linkwork.equations.algebra import dense
-from linkwork.gradients.compilation import expressed
+from linkwork.equations.linear import derivatives
+from linkwork.gradients.compilation import drift, expressed
 
 from tests.gradients.complex_step import ComplexSteps, in_complex_numbers
 from tests.oracle.random_joints import random_loops, random_tree
@@ -53,9 +54,12 @@ def numbers(function: ca.Function, *given: np.ndarray) -> list[np.ndarray]:
     return [dense(ca.DM(value)) for value in function.call([ca.DM(part) for part in given])]
 
 
-def near(found: np.ndarray, expected: np.ndarray, within: float = 1e-9) -> bool:
-    size = np.abs(expected).max(initial=0.0)
-    return bool(np.abs(found - expected).max(initial=0.0) <= within * max(size, 1e-12))
+def near(
+    found: np.ndarray, expected: np.ndarray, within: float = 1e-9, least: float = 1e-12
+) -> bool:
+    """Tell whether numbers agree, relative to the largest; least: what counts as large."""
+    size = max(np.abs(expected).max(initial=0.0), least)
+    return bool(np.abs(found - expected).max(initial=0.0) <= within * size)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -95,3 +99,53 @@ def test_steps_and_gradients_are_those_of_the_jacobian(name, what):
     assert near(moved[1].ravel(), along, 1e-10)
     for ours, part in zip(gradient[1:-1], by, strict=True):
         assert near(ours.ravel(), part.T @ weights, 1e-10)
+
+
+@pytest.mark.parametrize("name", ["five_bar", "stewart", "loop closed by a free joint"])
+def test_every_chart_beside_complex_steps(name):
+    """Dynamics and drift in the chart that has as many other rates as it can."""
+    equations, (q, v, p) = made(name)
+    Phi = numbers(functions.constraints(equations), q, p)[1]
+    others = tuple(k for k in range(equations.nv) if k not in equations.chart.independent)
+    [(_, chart), *_] = charts_at(equations, Phi[None], others)
+    assert set(chart.independent) != set(equations.chart.independent)
+    equations, rng = equations.in_chart(chart), np.random.default_rng(5)
+    u, places = rng.standard_normal(len(equations.mechanism.actuators)), slice(equations.nq, -1)
+    motion = in_complex_numbers(functions.motion(equations))
+    _, *by, _ = numbers(expressed(equations, "forward_dynamics", "jacobian"), q, v, u, p)
+    steps = ComplexSteps(equations)
+    expected = steps.derivatives(lambda *x: motion(*x)[places], q, v, u, p)
+    for ours, theirs in zip(by, filter(np.size, expected), strict=True):
+        assert near(ours, theirs)
+    Gamma, _, _ = numbers(drift(equations), q, v, p)
+    known = derivatives(equations)(q, v, u, p)[derivatives(equations).name_out().index("Gamma")]
+    assert near(Gamma, dense(ca.DM(known)), least=1.0)
+
+
+@pytest.mark.parametrize("name", ["prr3", "stewart", "rrs3"])
+def test_tool_and_joints_beside_complex_steps(name):
+    """Poses turn by dR R' = [omega x]."""
+    equations, (q, v, p) = made(name)
+    motion = in_complex_numbers(functions.tool_motion(equations))
+    joints = in_complex_numbers(functions.joints_motion(equations))
+    still, steps = np.zeros((equations.mobility, 1)), ComplexSteps(equations)
+
+    def of_tool(q: np.ndarray, v: np.ndarray, _: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return motion(q, v, np.repeat(still, q.shape[1], axis=1), p)[:-7]
+
+    def of_joints(q: np.ndarray, v: np.ndarray, _: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return joints(q, v, np.repeat(still, q.shape[1], axis=1), p)
+
+    value, *by, _ = numbers(expressed(equations, "tool", "jacobian"), q, v, p)
+    R = value.ravel()[3:12].reshape(3, 3)
+    for ours, theirs in zip(
+        by, filter(np.size, steps.derivatives(of_tool, q, v, v[:0], p)), strict=True
+    ):
+        turn = theirs[3:12].reshape(3, 3, -1).transpose(2, 0, 1) @ R.T
+        omega = np.stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]])
+        assert near(ours, np.concatenate([omega, theirs[:3], theirs[-6:]]), least=1.0)
+    value, *by, _ = numbers(expressed(equations, "joints", "jacobian"), q, v, p)
+    for ours, theirs in zip(
+        by, filter(np.size, steps.derivatives(of_joints, q, v, v[:0], p)), strict=True
+    ):
+        assert near(ours, theirs[: len(ours)], least=1.0)
