@@ -96,6 +96,24 @@ def placed(robot, state):
     return p + R @ np.array(tool.frame.position), R
 
 
+def test_a_named_quantity_is_one_source():
+    """Of a length that three joints bear: the sum of their sensitivities; play beside it."""
+    plain = built("prr3")
+    paths = [f"wrist_{i}.frames.0.position.x" for i in (1, 2, 3)]
+    robot = lw.Robot(plain.mechanism.with_quantities({"rod": 0.3}, dict.fromkeys(paths, "rod")))
+    named = error_budget(robot, robot.home, {"rod": 1e-5}, clearances={"wrist_1": 1e-5})
+    each = error_budget(plain, plain.home, dict.fromkeys(paths, 1e-5), clearances={"wrist_1": 1e-5})
+    together = np.sum(each.sensitivities[:3], axis=0)
+    np.testing.assert_allclose(named.sensitivities[0], together, atol=1e-12)
+    # Play lies in the frame on the platform, for a formula places the one on the link.
+    assert named.sources[1].numbers[0] == "joints.wrist_1.frames.1.position.x"
+    play = [
+        next(one.worst for one in told.contributions if one.source.kind == "clearance")
+        for told in (named, each)
+    ]
+    assert play[0] == pytest.approx(play[1], rel=1e-9)
+
+
 def test_random_errors_have_the_deviation_foretold_and_stay_within_the_worst_case():
     """Loops closed with numbers drawn within their tolerances (fixed seed)."""
     robot = built("prr3")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from linkwork import checks
-from linkwork.analysis.number_patterns import paths_of
+from linkwork.analysis.number_patterns import can_be_free, paths_of
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.numbers import Where, located
@@ -101,10 +101,12 @@ def playing(robot: Robot) -> tuple[str, ...]:
 
 
 def clearance(robot: Robot, joint: str, size: float) -> ErrorSource:
-    """Return the source that a joint with play is: the offset of its frame on its first body."""
+    """Return the source that a joint with play is: the offset of its frame on its first body, or on
+    its second where formulas place the first."""
     axes = "xy" if robot.planar else "xyz"
-    paths = tuple(f"joints.{joint}.frames.0.position.{axis}" for axis in axes)
-    return ErrorSource(joint, "clearance", size, "m", paths)
+    sides = [[f"joints.{joint}.frames.{k}.position.{axis}" for axis in axes] for k in (0, 1)]
+    free = [paths for paths in sides if can_be_free(robot.mechanism, paths)]
+    return ErrorSource(joint, "clearance", size, "m", tuple((free or sides)[0]))
 
 
 def sizes_of(

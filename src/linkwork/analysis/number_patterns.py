@@ -31,11 +31,8 @@ def matching(mechanism: Mechanism, pattern: str) -> list[str]:
     for path in (".".join(where) for where in numbers(mechanism)):
         short = path.split(".", 1)[1] if path.split(".", 1)[0] in SECTIONS else path
         spelled = {path, short, *(name.replace(LONG, COM) for name in (path, short))}
-        if any(fnmatchcase(name, pattern) for name in spelled):
-            try:
-                free_numbers(mechanism, [path])
-            except LinkworkError:
-                continue
+        matches = any(fnmatchcase(name, pattern) for name in spelled)
+        if matches and can_be_free(mechanism, [path]):
             found.append(short if unique(mechanism, short) else path)
     if not found:
         raise LinkworkError(
@@ -43,6 +40,15 @@ def matching(mechanism: Mechanism, pattern: str) -> list[str]:
             "'rod_*.length' or 'pivot_*.frames.0.position.x'"
         )
     return found
+
+
+def can_be_free(mechanism: Mechanism, paths: list[str]) -> bool:
+    """Tell whether numbers can be free."""
+    try:
+        free_numbers(mechanism, paths)
+    except LinkworkError:
+        return False
+    return True
 
 
 def unique(mechanism: Mechanism, path: str) -> bool:
