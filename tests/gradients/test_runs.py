@@ -184,7 +184,7 @@ def test_changes_of_chart_lengths_gains_and_calls_together():
 
 def test_spatial_loops_and_their_tool():
     robot = lw.Robot("stewart")
-    names = ("joint_rate", "tool_pose", "potential_energy")
+    names = ("joint_rate", "tool_pose", "potential_energy", "actuator_power")
     require_derivatives(robot, robot.home, np.full(6, 30.0), 1e-9, names, duration=0.03, **FIXED)
 
 
@@ -253,6 +253,17 @@ def test_the_time_of_an_event_that_ends_a_run_is_differentiated():
     for name, values in exact.items():
         own = [told[q].sel(number=name).values[-1, 0] for q in ("joint_position", "joint_rate")]
         assert own == pytest.approx(values, abs=1e-11)
+    seen = {"positions.rail": -1 / v, "rates.rail": (v0 / v - 1) / (u / m), "a": 1 / v}
+    half = Event(lambda t, state: state["rail"] - a / 2)
+    both = robot.simulate(state, [u], duration=5, events=[half, end], samples=4, **TIGHT)
+    times = both.sensitivity("event_time").event_time
+    assert times.shape == (2, len(told["number"]))
+    w = np.sqrt(v0**2 + u * a / m)
+    for name, value in seen.items():
+        assert times.sel(number=name).values[1] == pytest.approx(value, rel=1e-10)
+    assert times.sel(number="positions.rail").values[0] == pytest.approx(-1 / w, rel=1e-9)
+    led_back = both.gradient({"event_time": [1.0, 2.0]})
+    assert [*led_back.values()] == pytest.approx([1.0, 2.0] @ times.values, rel=1e-12)
     back = run.gradient({"joint_rate": np.eye(len(run.time))[-1:].T})
     assert [back[name] for name in exact] == pytest.approx([x for _, x in exact.values()])
 
@@ -334,6 +345,35 @@ def test_branches_without_a_jump_need_no_event():
 
     options = {"duration": 2, "parameters": {"k": 4.0}, **FIXED}
     require_derivatives(robot, robot.home, law, 1e-3, **options)  # differences pass the bends
+
+
+def test_a_ball_that_presses_on_the_ground():
+    """With the time of setting in within the run, and forces, gaps and powers told."""
+    ball = lw.Mechanism(
+        name="ball",
+        gravity=(0, 0, -9.81),
+        bodies={"ball": lw.Body(mass=0.5, inertia={"xx": 0.01, "yy": 0.01, "zz": 0.01})},
+        joints={
+            "up": lw.PrismaticJoint(
+                connects=("ground", "ball"), axis=(0, 0, 1), friction={"viscous": 0.2}
+            )
+        },
+        contacts={
+            "floor": lw.Contact(
+                connects=("ground", "ball"),
+                surfaces=(lw.Plane(), lw.Sphere(radius=0.1)),
+                stiffness=2e3,
+                exponent=2,
+                dissipation=0.3,
+            )
+        },
+        actuators=("up",),
+    )
+    robot = lw.Robot(ball)
+    names = "joint_rate", "contact_force", "contact_gap", "contact_power", "friction_power"
+    state = robot.state([0.3], [-1.0])
+    run = require_derivatives(robot, state, [0.0], 1e-6, names, 1e-4, duration=0.16, **TIGHT)
+    assert run["contact_gap"].values[-1, 0] < 0 < run["contact_gap"].values[0, 0]
 
 
 # Losses

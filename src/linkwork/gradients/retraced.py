@@ -34,7 +34,7 @@ from linkwork.model.model import Model
 from linkwork.runs.passage import CLOSURE, Segment
 from linkwork.runs.run_record import RunRecord
 from linkwork.runs.system import System, with_jacobian
-from linkwork.simulation import Run, Signal, Status
+from linkwork.simulation import Run, Signal, Status, Trajectory
 from linkwork.simulation.methods import METHODS
 from linkwork.simulation.native_between import ROUNDING
 from linkwork.simulation.tableaus import FixedStep, StepPlan, SymplecticEuler, Tableau
@@ -61,7 +61,8 @@ class Retraced:
     """A run in its own steps.
 
     record: what it recorded; system: joined with what acts; segments: with every step saved
-    samples: the instants that are read; ended: whether an event ended the run
+    samples: the instants that are read, those of the events last, `happened` being the numbers of
+        these; ended: whether an event ended the run
     cost: which of the event functions is integrated over the run, if any
     """
 
@@ -69,6 +70,7 @@ class Retraced:
     system: System
     segments: Sequence[Segment]
     samples: Sampling
+    happened: np.ndarray
     ended: bool
     cost: int | None = None
 
@@ -133,6 +135,20 @@ class Retraced:
         rows = flat.reshape(len(y), -1, ends[-1] + p.size)
         y, r, p = np.split(rows, ends, axis=2)
         return Partials(y, r, p, self.inputs_at(states.t, from_left))
+
+    def ends(self, place: int) -> bool:
+        """Tell whether a sample is of the event that ended the run."""
+        last = self.samples.segment[place] == len(self.segments) - 1
+        return self.ended and last and self.samples.t[place] == self.segments[-1].trajectory.t[-1]
+
+    def moment_of(self, number: int) -> Partials:
+        """Return the Jacobian of the time of an event that happened, by its place among them."""
+        place = len(self.samples.t) - len(self.happened) + number
+        state = Sampling(*(part[place : place + 1] for part in self.samples))
+        chart = self.segments[state.segment[0]].chart
+        motion = self.system.kernel(chart, "motion")
+        slope = motion.flat(state.y[0], state.u[0], self.system.p(chart))[:-1]
+        return self.moment(chart, state, int(self.happened[number]), slope)
 
     def moment(
         self, chart: CompiledChart, state: Sampling, event: int, slope: np.ndarray
@@ -247,7 +263,8 @@ class OfSegment:
         """Return the steps from row a to row b, with the samples between."""
         t = self.t[a : b + 1]
         inner = (self.read_at > t[0]) & (self.read_at < t[-1])
-        times, numbers = self.read_at[inner], self.read[inner]
+        order = np.argsort(self.read_at[inner], kind="stable")
+        times, numbers = self.read_at[inner][order], self.read[inner][order]
         rows = np.searchsorted(t, times)
         ends = t[rows] == times
         return Steps(
@@ -314,7 +331,7 @@ class OfSegment:
             jump, n = before - behind, self.y.shape[1]
             if (np.abs(jump) > SMOOTH * np.abs(before).max()).any():
                 moment = self.whole.moment(self.chart, state, event, before[:n])
-                found[row] = Passing(moment, jump[:n], jump[n], np.empty(0, int))
+                found[row] = Passing(moment, jump[:n], float(jump[n]), np.empty(0, int))
         return found
 
     def slope(self, y: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -342,7 +359,7 @@ class OfSegment:
         state = self.state(row, self.held[max(row - 1, 0)], from_left=True)
         slope = self.slope(state.y[0], state.u[0])
         moment = self.whole.moment(self.chart, state, event, slope[:-1])
-        return Passing(moment, slope[:-1], slope[-1], numbers)
+        return Passing(moment, slope[:-1], float(slope[-1]), numbers)
 
 
 def pieces(signal: Signal, t: np.ndarray, from_left: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -409,18 +426,28 @@ def retraced(
     if system is None:
         span = float(segments[0].start[0]), float(segments[-1].trajectory.end_time)
         system = with_jacobian(record.robot, record.system, span)
-    kept = record.kept if samples else [(segments[-1], np.array([-1]))]
-    first, count = len(segments) - len(kept), system.acting.held if system.acting else 0
-    read = [(segment.trajectory, rows) for segment, rows in kept]
-    t = np.concatenate([part.t[rows] for part, rows in read])
-    held = np.concatenate([part.u[rows, part.u.shape[1] - count :] for part, rows in read])
-    sampling = Sampling(
-        np.concatenate([np.full(len(rows), first + i) for i, (_, rows) in enumerate(read)]),
-        t,
-        np.concatenate([part.rows[rows, 1 : 1 + part.y_end.size] for part, rows in read]),
-        np.column_stack([values(system.inputs, t, False), held]),
+    last = len(segments) - 1
+    kept = [*enumerate(record.kept)] if samples else [(last, (segments[-1], np.array([-1])))]
+    parts = [sampled(system, i, of.trajectory, of.trajectory.rows[rows]) for i, (of, rows) in kept]
+    happened = np.empty(0, int)
+    if samples:
+        trajectories = [segment.trajectory for segment in segments]
+        happened = np.concatenate([part.events.index for part in trajectories])
+        parts += [sampled(system, i, of, of.found, True) for i, of in enumerate(trajectories)]
+    sampling = Sampling(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return Retraced(
+        record, system, segments, sampling, happened, every.status is Status.EVENT, cost
     )
-    return Retraced(record, system, segments, sampling, every.status is Status.EVENT, cost)
+
+
+def sampled(
+    system: System, segment: int, of: Trajectory, rows: np.ndarray, from_left: bool = False
+) -> Sampling:
+    """Return the instants that rows of a trajectory hold."""
+    n, held = of.y_end.size, system.acting.held if system.acting else 0
+    t, y = rows[:, 0], rows[:, 1 : 1 + n]
+    u = np.column_stack([values(system.inputs, t, from_left), rows[:, -2 - held : -2]])
+    return Sampling(np.full(len(rows), segment), t, y, u)
 
 
 def require_differentiable(record: RunRecord) -> None:

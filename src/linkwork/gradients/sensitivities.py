@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
-from linkwork.gradients.links import LossSlopes, Partials
+from linkwork.gradients.links import Changes, LossSlopes, Partials
 from linkwork.gradients.numbers import Numbers
 from linkwork.gradients.retraced import Retraced, Sampling, retraced
 from linkwork.gradients.run_kernels import Expressions
@@ -21,7 +21,7 @@ from linkwork.simulation.variables import Variable, dataset_of
 if TYPE_CHECKING:
     import xarray
 
-NUMBER = "number"
+NUMBER, EVENT_TIME = "number", "event_time"
 
 
 def sensitivity(
@@ -37,8 +37,13 @@ def sensitivity(
     # What is read, from the changes of states, inputs and parameters at the samples.
     found = {}
     for name in wanted:
+        if name == EVENT_TIME:
+            values = np.array([event_along(of, i, changes) for i in range(len(of.happened))])
+            require_finite(name, values)
+            found[name] = Variable(("event", NUMBER), values, {"units": "s"})
+            continue
         told = run.variables[name]
-        values = np.empty((len(of.samples.t), len(names), int(np.prod(told.shape[1:]))))
+        values = np.empty((told.shape[0], len(names), int(np.prod(told.shape[1:]))))
         for own, partials in readings(of, name, TOLD[name]):
             states = changes.sample_y[own], changes.sample_held[own], changes.sample_t[own]
             values[own] = partials.along(changes, *states)
@@ -61,16 +66,45 @@ def pulled_back(
     numbers = Numbers(of)
     names, slopes = numbers.chosen(to), numbers.slopes()
     for name in quantities_of(run, [*given]):
+        if name == EVENT_TIME:
+            bars = checks.finite(given[name], f"weights of {name}")
+            require_shape(name, bars, (len(of.happened),))
+            for i, bar in enumerate(bars):
+                event_against(of, i, slopes, bar)
+            continue
         shape, bars = run.variables[name].shape, checks.finite(given[name], f"weights of {name}")
-        if bars.shape != shape:
-            raise LinkworkError(
-                f"the weights of {name} have the shape {bars.shape}; it was recorded in {shape}"
-            )
+        require_shape(name, bars, shape)
         bars = bars.reshape(shape[0], -1)
         for own, partials in readings(of, name, TOLD[name]):
             add(slopes, own, partials, bars[own])
     found = dict(zip(numbers.names, led_back(of, numbers, slopes).tolist(), strict=True))
     return {name: found[name] for name in names}
+
+
+def require_shape(name: str, bars: np.ndarray, shape: tuple[int, ...]) -> None:
+    """Refuse weights that are not as a quantity was recorded."""
+    if bars.shape != shape:
+        raise LinkworkError(
+            f"the weights of {name} have the shape {bars.shape}; it was recorded in {shape}"
+        )
+
+
+def event_along(of: Retraced, number: int, changes: Changes) -> np.ndarray:
+    """Return the changes (D) of the time of an event; at the end of a run they are known there."""
+    place = len(of.samples.t) - len(of.happened) + number
+    if of.ends(place):
+        return changes.sample_t[place]
+    states = changes.sample_y[place][None], changes.sample_held[place][None]
+    return of.moment_of(number).along(changes, *states)[0, :, 0]
+
+
+def event_against(of: Retraced, number: int, slopes: LossSlopes, bar: float) -> None:
+    """Add the derivative of a loss with respect to the time of an event."""
+    place = len(of.samples.t) - len(of.happened) + number
+    if of.ends(place):
+        slopes.sample_t[place] += bar
+    else:
+        add(slopes, np.array([place]), of.moment_of(number), np.array([[bar]]))
 
 
 def add(slopes: LossSlopes, own: np.ndarray, partials: Partials, bars: np.ndarray) -> None:
@@ -94,19 +128,22 @@ def readings(
     of: Retraced, name: str, expression: Expressions
 ) -> Iterator[tuple[np.ndarray, Partials]]:
     """Yield the numbers of samples in the same segment, and the Jacobians of an expression at
-    them."""
-    for number in np.unique(of.samples.segment):
-        own = np.flatnonzero(of.samples.segment == number)
+    them; of events not."""
+    segments = of.samples.segment[: len(of.samples.t) - len(of.happened)]
+    for number in np.unique(segments):
+        own = np.flatnonzero(segments == number)
         states = Sampling(*(part[own] for part in of.samples))
         yield own, of.partials(of.segments[number].chart, name, expression, states)
 
 
 def quantities_of(run: Run, quantities: Sequence[str] | str | None) -> tuple[str, ...]:
-    """Return the quantities asked for, all that are differentiated where none are; refuse
-    others."""
+    """Return the quantities asked for, all that were recorded and are differentiated where none
+    are; refuse others."""
     known = tuple(name for name in TOLD if name in run.variables)
     if quantities is None:
         return known
+    happened = EVENT_TIME in run.coords and len(run.coords[EVENT_TIME].values)
+    known += (EVENT_TIME,) * bool(happened)
     asked = (quantities,) if isinstance(quantities, str) else checks.names(quantities, "quantities")
     for name in asked:
         if name in run.variables and name not in known:

@@ -27,6 +27,16 @@ def energy(joined: Joined, which: str) -> ca.SX:
     return functions.energy(equations).call(names)[which]
 
 
+def powers(joined: Joined, which: str) -> ca.SX:
+    """Return powers of `linkwork.equations.powers.power_terms`."""
+    return joined.powers().call(joined.inputs)[which]
+
+
+def contacts(joined: Joined, which: str) -> ca.SX:
+    """Return forces or gaps where bodies may touch."""
+    return joined.contacts().call(joined.inputs)[which]
+
+
 def of_tool(kind: str) -> Callable[[Joined], ca.SX]:
     """Return what reads the tool."""
     return lambda joined: expression(joined.equations, Quantity(kind))
@@ -43,6 +53,13 @@ TOLD: Mapping[str, Callable[[Joined], ca.SX]] = {
     "potential_energy": lambda joined: energy(joined, "potential"),
     "tool_pose": of_tool("tool_pose"),
     "task_position": of_tool("task"),
+    "actuator_power": lambda joined: powers(joined, "actuated") * joined.outputs["force"],
+    "friction_power": lambda joined: powers(joined, "friction"),
+    "damper_power": lambda joined: powers(joined, "dampers"),
+    "contact_power": lambda joined: powers(joined, "contacts"),
+    "fluid_power": lambda joined: powers(joined, "drags"),
+    "contact_force": lambda joined: contacts(joined, "forces"),
+    "contact_gap": lambda joined: contacts(joined, "gaps"),
     "drive_state": lambda joined: joined.inputs["z"][: len(joined.acting.extras)],
 }
 """What can be differentiated, by the names of `linkwork.runs.quantities`."""

@@ -304,7 +304,8 @@ class Run(Portrayed):
         the run, the last values are those at the event, whose time changes too.
 
         Args:
-            quantities: by name, such as "tool_pose"; all that can be differentiated if left out.
+            quantities: by name, such as "tool_pose"; all that can be differentiated if left out;
+                "event_time", when events happened.
             to: names of numbers, "rates.slide_1", or of groups of them: "positions", "rates",
                 "states", "forces", "parameters"; all if left out. They are those of
                 `linkwork.Robot.gradient`.
