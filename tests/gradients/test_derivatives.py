@@ -256,6 +256,8 @@ def test_no_tool_is_refused():
 
 def test_a_kernel_that_there_is_not_is_refused():
     robot = built("prr3")
+    with pytest.raises(lw.LinkworkError, match="give 'actuators' or 'rates'"):
+        robot.inverse_dynamics_derivatives(robot.home, np.zeros(3), of="joints")  # pyright: ignore
     with pytest.raises(lw.LinkworkError, match="forward_dynamics"):
         derivative_kernel(robot, "forward_dynamic")
     with pytest.raises(lw.LinkworkError, match="jacobian"):

@@ -16,6 +16,7 @@ from linkwork.gradients.compilation import drift, expressed
 
 from tests.gradients.complex_step import ComplexSteps, in_complex_numbers
 from tests.oracle.random_joints import random_loops, random_tree
+from tests.robot.test_bearings import journal, slide
 from tests.robot.test_parameters import can_be_free
 
 MANY = 6  # numbers that are free
@@ -149,3 +150,27 @@ def test_tool_and_joints_beside_complex_steps(name):
         by, filter(np.size, steps.derivatives(of_joints, q, v, v[:0], p)), strict=True
     ):
         assert near(ours, theirs[: len(ours)], least=1.0)
+
+
+def test_friction_of_what_bearings_carry_beside_complex_steps():
+    """Found by Newton's method with the accelerations, and differentiated as it stands."""
+    described = lw.robots.slider_crank()
+    joints = {
+        "pin": described.joints["pin"].model_copy(update={"bearing": journal(0.3, 0.01)}),
+        "slide": described.joints["slide"].model_copy(update={"bearing": slide(0.1)}),
+    }
+    mechanism = described.model_copy(update={"joints": {**described.joints, **joints}})
+    equations = derive(mechanism, free=["joints.pin.bearing.friction.coefficient"])
+    rng, p = np.random.default_rng(6), np.array(list(equations.parameters.values()))
+    steps = ComplexSteps(equations)
+    q = steps.moved(equations.reference[:, None], np.array([[0.4]]), p[:, None]).real.ravel()
+    v, u = np.array([0.7]), rng.standard_normal(len(mechanism.actuators))
+    motion = in_complex_numbers(functions.motion(equations))
+    places = slice(equations.nq, -1)
+    expected = steps.derivatives(lambda *x: motion(*x)[places], q, v, u, p)
+    _, *by, _ = numbers(expressed(equations, "forward_dynamics", "jacobian"), q, v, u, p)
+    for ours, theirs in zip(by, expected, strict=True):
+        assert near(ours, theirs)
+    robot = lw.Robot(mechanism)
+    with pytest.raises(lw.LinkworkError, match="bearings rub by what they carry"):
+        robot.inverse_dynamics_derivatives(robot.home, np.zeros(1))
