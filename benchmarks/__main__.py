@@ -20,6 +20,7 @@ from benchmarks import (
     control,
     ensemble,
     export,
+    frameworks,
     gradients,
     growth,
     kernel,
@@ -55,6 +56,7 @@ PAGES: Mapping[str, Sections] = {
         "catalogue": lambda _: catalogue.run(),
         "export": lambda _: export.run(),
         "gradients": lambda _: gradients.run(),
+        "jax": lambda _: frameworks.run(),
     },
     "simulation": {
         "single": lambda _: single.run(),
