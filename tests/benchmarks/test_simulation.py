@@ -10,7 +10,7 @@ import linkwork as lw
 from linkwork.robots import prr3
 from linkwork.simulation import native_rosenbrock
 
-from benchmarks import analysis, control, runs, scipy_runs, single, stepper, stiff, tasks
+from benchmarks import analysis, control, learning, runs, scipy_runs, single, stepper, stiff, tasks
 
 
 def values(figures):
@@ -57,6 +57,13 @@ def test_steppers_of_both_engines_are_timed():
     section = stepper.run(rounds=1, robots=16, stack=1024)
     assert len(listed(section)) == 12
     assert len(values(section.figures)) == 6
+    json.dumps(section.raw)
+
+
+def test_environments_are_timed():
+    section = learning.run(rounds=1, robots=16, steps=3)
+    assert len(listed(section)) == 5
+    assert len(values(section.figures)) == 1
     json.dumps(section.raw)
 
 

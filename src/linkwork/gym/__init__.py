@@ -20,5 +20,14 @@ from linkwork.gym.environments import Environments  # noqa: E402
 from linkwork.gym.process import DecisionProcess  # noqa: E402
 from linkwork.gym.registered import register  # noqa: E402
 from linkwork.gym.rolling import RollingBall  # noqa: E402
+from linkwork.gym.smooth_process import SmoothProcess, smooth  # noqa: E402
 
-__all__ = ["DecisionProcess", "Environment", "Environments", "RollingBall", "register"]
+__all__ = [
+    "DecisionProcess",
+    "Environment",
+    "Environments",
+    "RollingBall",
+    "SmoothProcess",
+    "register",
+    "smooth",
+]

@@ -88,39 +88,18 @@ class Environments(VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         # The robots, and as many as there are starts, where episodes begin.
-        starts = process.robot.own(process.starts or process.robot.home)
-        starts = starts if starts.batch else stacked(starts, 1)
-        self._starts = self._steppers_at(starts, 1)
-        self._robots = self._steppers_at(stacked(starts.at(0), self.num_envs), threads)
+        starts = starts_of(process)
+        self._starts = steppers_of(process, starts, 1)
+        self._robots = steppers_of(process, stacked(starts.at(0), self.num_envs), threads)
         self._places = places(process, self._robots)
         low, high = np.array([*process.draws.values(), (0.0, 1.0)], float).T
         self._least, self._span = low, high - low
-        self._actions = [self._robots.parameters[f"action[{i}]"] for i in range(process.size)]
+        self._actions = [self._robots.parameters[name] for name in process.action_names]
         # Episodes: random numbers, steps so far, and which are over.
         self._draws: Draws | None = None
         self._steps = np.zeros(self.num_envs, int)
         self._over = np.ones(self.num_envs, bool)
         self._read = np.zeros((self.num_envs, process.observed + 2))
-
-    def _steppers_at(self, states: State, threads: int | None) -> Steppers:
-        """Return steppers of the process's robot at states."""
-        process = self.process
-        own = {
-            name: np.full(len(states), value)
-            for name, value in process.robot.parameters.items()
-            if name in process.draws
-        }
-        return Steppers(
-            process.robot,
-            states,
-            process.dt / process.substeps,
-            process,
-            drives=process.drives,
-            wrenches=process.wrenches,
-            parameters=own,
-            readings=process.readings,
-            threads=threads,
-        )
 
     @property
     def states(self) -> State:
@@ -330,6 +309,32 @@ def stacked(state: State, count: int) -> State:
     return replace(state, **parts)
 
 
+def starts_of(process: DecisionProcess) -> State:
+    """Return the states that episodes begin in, a stack."""
+    given = process.robot.own(process.starts or process.robot.home)
+    return given if given.batch else stacked(given, 1)
+
+
+def steppers_of(process: DecisionProcess, states: State, threads: int | None) -> Steppers:
+    """Return steppers of a process's robot at states, with a number for each of what is drawn."""
+    own = {
+        name: np.full(len(states), value)
+        for name, value in process.robot.parameters.items()
+        if name in process.draws
+    }
+    return Steppers(
+        process.robot,
+        states,
+        process.dt / process.substeps,
+        process,
+        drives=process.drives,
+        wrenches=process.wrenches,
+        parameters=own,
+        readings=process.readings,
+        threads=threads,
+    )
+
+
 def places(process: DecisionProcess, robots: Steppers) -> list[np.ndarray]:
     """Return where numbers that are drawn are written to, (N,) each; refuse what nobody reads.
 
@@ -339,7 +344,7 @@ def places(process: DecisionProcess, robots: Steppers) -> list[np.ndarray]:
     for name in process.draws:
         if name in states:
             found.append(robots.z[:, states.index(name)])
-        elif name in robots.parameters and not name.startswith("action["):
+        elif name in robots.parameters and name not in process.action_names:
             found.append(robots.parameters[name])
         else:
             raise LinkworkError(

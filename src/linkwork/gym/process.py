@@ -113,12 +113,17 @@ class DecisionProcess:
 
     def action(self, state: Observation) -> np.ndarray:
         """Return the action that is taken, as functions read it."""
-        return math.array([state.parameter(f"action[{i}]", 0.0) for i in range(self.size)])
+        return math.array([state.parameter(name, 0.0) for name in self.action_names])
 
     @property
     def size(self) -> int:
         """How many numbers an action has."""
         return np.size(self.low)
+
+    @property
+    def action_names(self) -> list[str]:
+        """Names of the parameters by which functions read the action."""
+        return [f"action[{i}]" for i in range(self.size)]
 
     @cached_property
     def extras(self) -> tuple[Extra, ...]:

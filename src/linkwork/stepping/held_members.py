@@ -18,6 +18,7 @@ from linkwork.model.state import State
 from linkwork.model.turning import turning
 from linkwork.runs.members import Members
 from linkwork.runs.passage import CLOSURE, SOFT, portion
+from linkwork.runs.system import System
 from linkwork.simulation import RK4, Status
 from linkwork.simulation.turns import whole
 from linkwork.simulation.vectors import LANES
@@ -162,7 +163,7 @@ class HeldMembers:
 
     def independent(self, index: int) -> tuple[str, ...]:
         """Return the names of the rates that v holds of a member."""
-        return self._chart(self._one(index)).independent
+        return self.chart(self._one(index)).independent
 
     def _enter(self, chart: CompiledChart, who: np.ndarray, y: np.ndarray) -> None:
         """Put members at states (M, n) in a chart."""
@@ -189,7 +190,12 @@ class HeldMembers:
         groups = [(chart, who[numbers == number]) for number, chart in self._charts.values()]
         return [(chart, own) for chart, own in groups if own.size]
 
-    def _chart(self, i: int) -> CompiledChart:
+    @property
+    def system(self) -> System:
+        """What all members are moved by, and what is read of them."""
+        return self._batch.system
+
+    def chart(self, i: int) -> CompiledChart:
         """Return the chart of a member."""
         return next(chart for number, chart in self._charts.values() if number == self._of[i])
 

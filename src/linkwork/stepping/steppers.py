@@ -193,7 +193,7 @@ class Steppers(HeldMembers):
         """Return a `Stepper` of one member as it is: its `run` is told in all quantities, and where
         the member ended its `step` raises why."""
         i, batch = self._one(index), self._batch
-        robot, chart = batch.robot, self._chart(i)
+        robot, chart = batch.robot, self.chart(i)
         values = {name: float(given[i]) for name, given in self.parameters.items()}
         own = {name: values.pop(name) for name in list(values) if name in robot.parameters}
         robot = with_parameters(robot, own) if own else robot
