@@ -70,12 +70,12 @@ class Numbers:
 
     def chosen(self, to: Sequence[str] | str | None) -> tuple[str, ...]:
         """Return the names asked for: of numbers, or of groups of them; all where none are."""
-        if to is None:
-            to = GROUPS
-        asked = [to] if isinstance(to, str) else list(checks.names(to, "to"))
-        checks.known(asked, (*GROUPS, *self.names), "number to differentiate by")
-        found = [own for name in asked for own in self.groups.get(name, (name,))]
-        names = tuple(dict.fromkeys(found))
+        names = self.names
+        if to is not None:
+            asked = [to] if isinstance(to, str) else list(checks.names(to, "to"))
+            checks.known(asked, (*GROUPS, *self.names), "number to differentiate by")
+            found = [own for name in asked for own in self.groups.get(name, (name,))]
+            names = tuple(dict.fromkeys(found))
         self.require_closed([name for name in names if name in self.of.robot.parameters])
         return names
 

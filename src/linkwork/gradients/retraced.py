@@ -430,11 +430,12 @@ def retraced(
     kept = [*enumerate(record.kept)] if samples else [(last, (segments[-1], np.array([-1])))]
     parts = [sampled(system, i, of.trajectory, of.trajectory.rows[rows]) for i, (of, rows) in kept]
     happened = np.empty(0, int)
-    if samples:
+    if samples and system.events:
         trajectories = [segment.trajectory for segment in segments]
         happened = np.concatenate([part.events.index for part in trajectories])
         parts += [sampled(system, i, of, of.found, True) for i, of in enumerate(trajectories)]
-    sampling = Sampling(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    several = len(parts) > 1
+    sampling = Sampling(*map(np.concatenate, zip(*parts, strict=True))) if several else parts[0]
     return Retraced(
         record, system, segments, sampling, happened, every.status is Status.EVENT, cost
     )

@@ -130,7 +130,7 @@ def readings(
     """Yield the numbers of samples in the same segment, and the Jacobians of an expression at
     them; of events not."""
     segments = of.samples.segment[: len(of.samples.t) - len(of.happened)]
-    for number in np.unique(segments):
+    for number in dict.fromkeys(segments.tolist()):
         own = np.flatnonzero(segments == number)
         states = Sampling(*(part[own] for part in of.samples))
         yield own, of.partials(of.segments[number].chart, name, expression, states)
