@@ -23,6 +23,7 @@ from linkwork.analysis.linearisation import (
 )
 from linkwork.analysis.measured_poses import MeasuredPoses
 from linkwork.analysis.plugged_tree import PluggedTree
+from linkwork.analysis.possible_inertia import EstimatedPayload, payload, possible
 from linkwork.analysis.singularities import Singularity, along, loci, singularity
 from linkwork.model.linear_model import LinearModel, linearise
 from linkwork.moved import renamed
@@ -36,6 +37,7 @@ __all__ = [
     "Equilibrium",
     "ErrorBudget",
     "ErrorSource",
+    "EstimatedPayload",
     "Excitation",
     "Identification",
     "Jacobians",
@@ -70,7 +72,9 @@ __all__ = [
     "loci",
     "natural_modes",
     "observability",
+    "payload",
     "periodic",
+    "possible",
     "singularity",
     "stiffness_matrix",
     "tool_stiffness",

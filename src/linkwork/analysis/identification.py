@@ -57,6 +57,7 @@ class Identification(Portrayed):
     condition: of the stacked regressor, its columns brought to equal length; residual: root mean
     square of what remains of
         the forces, by independent rate (n) [N, N m]
+    root: square root W of the inverse of beta's covariance, W' W (r x r)
     """
 
     base: Base
@@ -64,6 +65,7 @@ class Identification(Portrayed):
     deviations: np.ndarray
     condition: float
     residual: np.ndarray
+    root: np.ndarray
 
     def __repr__(self) -> str:
         pairs = zip(self.values, self.deviations, self.names, strict=True)
@@ -142,7 +144,8 @@ def identify(
     freedom = right.size / (right.size - beta.size)
     R = np.linalg.qr(weighted, mode="r")
     deviations = np.linalg.norm(np.linalg.inv(R), axis=1) / lengths * np.sqrt(freedom)
-    return Identification(base, beta, deviations, float(sigma[0] / sigma[-1]), noise / own)
+    root = R * lengths / np.sqrt(freedom)
+    return Identification(base, beta, deviations, float(sigma[0] / sigma[-1]), noise / own, root)
 
 
 def of_run(robot: Robot, run: Run) -> Measured:

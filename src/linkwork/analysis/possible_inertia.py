@@ -1,0 +1,335 @@
+"""Possible inertia: masses and moments that a body can have, found from measured motions.
+
+A body of mass m, mass centre c and second moments Sigma = int (r - c)(r - c)' dm is possible where
+m > 0 and Sigma is positive definite (then its pseudo-inertia is, and its principal moments keep the
+triangle inequality). About a possible body
+
+    m = m_0 e^a,    c = c_0 + g b,    Sigma = S_0 T T' S_0',    I_c = tr(Sigma) 1 - Sigma
+
+with T upper triangular, its diagonal e^d, and g the radius of gyration: all 10 numbers are free,
+and zero at that body. Of a body that moves in its plane there are 4: I_zz = I_0 e^d.
+
+    min |root (beta - C pi(theta))|^2 + |theta / spread|^2
+
+The second part decides what the motions do not tell, as near to what was described as can be.
+Source: Rucker & Wensing, IEEE Robotics and Automation Letters 7 (2022) 2756-2763 (log-Cholesky
+coordinates); Wensing, Kim & Slotine, ibid. 3 (2018) 60-67 (pseudo-inertia).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from linkwork.analysis._base_parameters import regressor_of
+from linkwork.analysis.identification import Identification, Measured, of_run
+from linkwork.checks import positive, shown
+from linkwork.equations.regressor import OF_BODIES
+from linkwork.errors import LinkworkError
+from linkwork.mechanism import Body, Inertia, Mechanism
+from linkwork.mechanism.numbers import edited, located
+from linkwork.mechanism.payload import rotation
+from linkwork.model.linear import own_rates
+from linkwork.patience import announced
+from linkwork.robot import Robot
+from linkwork.simulation import Run
+
+STEP = 1e-30  # of the complex step
+TOLERANCE = 1e-14
+MOST = 300  # evaluations
+WIDE = 10.0  # spread of friction and rotors, over what is described or 1
+SPATIAL, FLAT = 10, 4
+SMALL = 1e-3  # of the robot's mass and length: what stands for a mass or a size that is zero
+NAMES = ("xx", "yy", "zz", "xy", "xz", "yz")
+UPPER = np.triu_indices(3)
+"""T's numbers: its diagonal's are logarithms."""
+
+
+@dataclass(frozen=True, eq=False)
+class PossibleBody:
+    """Hold a body about which others are told by free numbers theta (10; 4 where flat).
+
+    mass [kg]; centre: c_0 (3) [m]; root: S_0 (3 x 3) [sqrt(kg) m], Sigma_0 = S_0 S_0'; its element
+        0, 0 is sqrt(I_0) where flat
+    """
+
+    mass: float
+    centre: np.ndarray
+    root: np.ndarray
+    flat: bool
+
+    @classmethod
+    def of(cls, body: Body, mass: float, length: float) -> PossibleBody:
+        """Return it about a body of a description; what that lacks is small, but above zero.
+
+        mass, length: sizes of the robot [kg, m], of which a part stands for what is zero
+        """
+        tensor, c = body.inertia.tensor(), np.array(body.centre_of_mass)
+        own = body.mass or SMALL * mass
+        least = own * (SMALL * length) ** 2
+        if body.inertia.planar:
+            return cls(own, c, np.diag([max(body.inertia.zz, least) ** 0.5, 0.0, 0.0]), True)
+        values, axes = np.linalg.eigh(np.trace(tensor) / 2 * np.eye(3) - tensor)
+        return cls(own, c, axes * np.sqrt(np.maximum(values, least)), False)
+
+    @property
+    def size(self) -> int:
+        """Number of free numbers."""
+        return FLAT if self.flat else SPATIAL
+
+    def parts(self, theta: np.ndarray) -> tuple[complex, np.ndarray, np.ndarray]:
+        """Return mass, mass centre and inertia about it (3 x 3) of the body that numbers tell."""
+        gyration = np.sqrt(np.sum(self.root**2) / self.mass)
+        m = self.mass * np.exp(theta[0])
+        if self.flat:
+            c = self.centre + gyration * np.array([theta[1], theta[2], 0.0])
+            I = np.zeros((3, 3), theta.dtype)  # noqa: E741
+            I[2, 2] = self.root[0, 0] ** 2 * np.exp(theta[3])
+            return m, c, I
+        T = np.zeros((3, 3), theta.dtype)
+        T[UPPER] = theta[4:]
+        T[np.diag_indices(3)] = np.exp(np.diagonal(T))
+        S = self.root @ T
+        Sigma = S @ S.T
+        return m, self.centre + gyration * theta[1:4], np.trace(Sigma) * np.eye(3) - Sigma
+
+    def moments(self, theta: np.ndarray) -> np.ndarray:
+        """Return mass, first moments and inertia about the frame's origin (10), as the regressor
+        has them."""
+        m, c, I = self.parts(theta)  # noqa: E741
+        I_O = I + m * (c @ c * np.eye(3) - np.outer(c, c))
+        if self.flat:
+            keep = np.zeros((3, 3))
+            keep[2, 2] = 1.0
+            I_O = I_O * keep
+        elements = [I_O["xyz".index(a), "xyz".index(b)] for a, b in NAMES]
+        return np.array([m, *(m * c), *elements])
+
+    def body(self, theta: np.ndarray, like: Body) -> Body:
+        """Return the body that numbers tell, with the shapes of another."""
+        m, c, I = self.parts(np.asarray(theta, float))  # noqa: E741
+        x, y, z = map(float, c)
+        return Body(
+            mass=float(m.real),
+            centre_of_mass=(x, y, z),
+            inertia=inertia_of(I, self.flat),
+            shapes=like.shapes,
+        )
+
+
+def inertia_of(tensor: np.ndarray, flat: bool) -> Inertia:
+    """Return an inertia (3 x 3) as a description holds it."""
+    names = ("zz",) if flat else NAMES
+    own = {name: float(tensor["xyz".index(name[0]), "xyz".index(name[1])]) for name in names}
+    return Inertia(**own)  # pyright: ignore[reportArgumentType]
+
+
+def fitted(
+    residual: Callable[[np.ndarray], np.ndarray], spread: float, lower: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return theta of the least squares of residuals and of theta / spread, and its covariance;
+    derivatives by complex steps.
+
+    lower: least values of theta (size)
+    """
+    from scipy.optimize import least_squares
+
+    def every(theta: np.ndarray) -> np.ndarray:
+        return np.concatenate([residual(theta), theta / spread])
+
+    def slopes(theta: np.ndarray) -> np.ndarray:
+        steps = theta + 1j * STEP * np.eye(theta.size)
+        return np.array([np.imag(every(step)) / STEP for step in steps]).T
+
+    found = least_squares(
+        every,
+        np.zeros(lower.size),
+        jac=slopes,  # pyright: ignore[reportArgumentType]
+        bounds=(lower, np.inf),
+        x_scale="jac",
+        xtol=TOLERANCE,
+        ftol=TOLERANCE,
+        gtol=TOLERANCE,
+        max_nfev=MOST,
+    ).x
+    J = slopes(found)
+    return found, np.linalg.inv(J.T @ J)
+
+
+@announced("finding possible masses")
+def possible(identification: Identification, *, spread: float = 1.0) -> Mechanism:
+    """Return the description with masses and moments that bodies can have, as near as these come to
+    identified base parameters.
+
+    Args:
+        identification: of `identify`, of masses alone or with friction and rotors, which are not
+            below zero.
+        spread: how far what the motions do not tell may lie from what is described: standard
+            deviation of logarithms of masses and moments, and of mass centres over radii of
+            gyration.
+
+    Returns:
+        A `Mechanism` in which every body has a mass above zero and an inertia that is positive
+        definite and keeps the triangle inequality.
+
+    Raises:
+        LinkworkError: what is no identification; a spread that is not above zero.
+    """
+    if not isinstance(identification, Identification):
+        raise LinkworkError(f"this is {shown(identification)}; give what analysis.identify returns")
+    positive(spread, "spread")
+    base = identification.base
+    robot, names = base.regressor.robot, base.regressor.names
+    mechanism = robot.mechanism
+    # Bodies about which others are sought, and effects of joints beside them.
+    whole, length = (
+        sum(body.mass for body in mechanism.bodies.values()),
+        robot.equations.tree.length,
+    )
+    bodies = {
+        name: PossibleBody.of(body, whole or 1.0, length) for name, body in mechanism.bodies.items()
+    }
+    ends = np.cumsum([each.size for each in bodies.values()])
+    effects = base.regressor.described[len(bodies) * len(OF_BODIES) :]
+    size = int(ends[-1])
+
+    def pi(theta: np.ndarray) -> np.ndarray:
+        parts = zip(bodies.values(), np.split(theta[:size], ends[:-1]), strict=True)
+        own = [each.moments(part) for each, part in parts]
+        return np.concatenate([*own, effects + scales * theta[size:]])
+
+    scales = WIDE * np.maximum(effects, 1.0)
+    found, _ = fitted(
+        lambda theta: identification.root @ (identification.values - base.combination @ pi(theta)),
+        spread,
+        np.concatenate([np.full(size, -np.inf), -effects / scales - 1e-300]),
+    )
+    # Back into the description.
+    parts = np.split(found[:size], ends[:-1])
+    made = {
+        name: each.body(part, mechanism.bodies[name])
+        for (name, each), part in zip(bodies.items(), parts, strict=True)
+    }
+    kept = {path: text for path, text in mechanism.formulas.items() if path[:7] != "bodies."}
+    other = mechanism.model_copy(update={"bodies": made, "formulas": kept})
+    of_joints = names[len(bodies) * len(OF_BODIES) :]
+    change = dict(zip(of_joints, scales * found[size:], strict=True))
+    values = {path: max(located(other, path)[1] + float(x), 0.0) for path, x in change.items()}
+    return edited(other, values)
+
+
+@dataclass(frozen=True, eq=False)
+class EstimatedPayload:
+    """Hold a payload that was told by forces.
+
+    robot: that carries it, without it; tool: name
+    mass [kg]; centre_of_mass: in the tool's frame [m]; inertia: about it, in the tool's axes
+    deviation: standard deviation of the mass [kg]; centre_deviations: of the mass centre (3), in
+        the body's axes [m]
+    """
+
+    robot: Robot
+    tool: str
+    mass: float
+    centre_of_mass: tuple[float, float, float]
+    inertia: Inertia
+    deviation: float
+    centre_deviations: np.ndarray
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The description with the payload."""
+        return self.robot.mechanism.with_payload(
+            self.mass, self.centre_of_mass, self.inertia, self.tool
+        )
+
+    def __repr__(self) -> str:
+        x, y, z = self.centre_of_mass
+        return (
+            f"EstimatedPayload({self.mass:.6g} +- {self.deviation:.2g} kg at ({x:.4g}, {y:.4g}, "
+            f"{z:.4g}) m of tool {self.tool!r})"
+        )
+
+
+@announced("estimating the payload")
+def payload(
+    robot: Robot, measured: Measured | Run, *, tool: str | None = None, spread: float = 3.0
+) -> EstimatedPayload:
+    """Estimate what a tool carries from a measured motion and its forces.
+
+        S' u - (what the robot needs without it) = Y_tool pi + noise
+
+    Mass, mass centre and inertia are possible ones (`possible_inertia`).
+
+    Args:
+        robot: without the payload, its masses and friction as they are.
+        measured: a motion with its forces, or a run.
+        tool: name of the tool; the first if left out.
+        spread: how far what the motion does not tell may lie from a guess (a small solid at the
+            tool, of the mass that the forces tell).
+
+    Raises:
+        LinkworkError: no tool, or one on the ground; forces that tell no mass above zero.
+    """
+    # The forces that are left, row by row in the rates' own units.
+    data = of_run(robot, measured) if isinstance(measured, Run) else measured
+    if not isinstance(data, Measured):
+        raise LinkworkError(f"measured is {shown(measured)}; give a Measured motion, or a run")
+    robot.require_tool()
+    positive(spread, "spread")
+    name = next(iter(robot.mechanism.tools)) if tool is None else tool
+    if name not in robot.mechanism.tools:
+        known = ", ".join(robot.mechanism.tools)
+        raise LinkworkError(f"there is no tool {shown(name)}; the tools are {known}")
+    held = robot.mechanism.tools[name]
+    if held.body not in robot.mechanism.bodies:
+        raise LinkworkError(f"the tool is on {held.body!r}, which does not move; choose another")
+    regressor = regressor_of(robot)
+    states, n = data.states, robot.mobility
+    Y, known_part = regressor.with_known(states, data.accelerations)
+    applied = np.einsum("kan,ka->kn", robot.actuation(states), data.forces)
+    own = own_rates(robot, states)
+    left = own * (applied - known_part - Y @ regressor.described)
+    place = robot.bodies.index(held.body) * len(OF_BODIES)
+    Y = own[..., None] * Y[..., place : place + len(OF_BODIES)]
+    right, rows = left.T.ravel(), np.swapaxes(Y, 0, 1).reshape(left.size, -1)
+    if right.size <= len(OF_BODIES):
+        raise LinkworkError(
+            f"{right.size} measured forces do not tell a payload; measure more samples"
+        )
+    # Noise of each rate, and a guess: the mass that a point at the tool has to have.
+    remains = right - rows @ np.linalg.lstsq(rows, right, rcond=1e-10)[0]
+    noise = np.sqrt(np.mean(remains.reshape(n, -1) ** 2, axis=1))
+    noise = np.maximum(noise, 1e-9 * max(float(np.abs(right).max()), 1e-300))
+    weights = np.repeat(1 / noise, len(right) // n)
+    flat = robot.mechanism.bodies[held.body].inertia.planar
+    at, gyration = np.array(held.frame.position), 0.05 * robot.equations.tree.length
+    root = np.diag([gyration, 0.0, 0.0]) if flat else gyration / np.sqrt(3) * np.eye(3)
+    unit = rows @ PossibleBody(1.0, at, root, flat).moments(np.zeros(FLAT if flat else SPATIAL))
+    weighed = weights * unit
+    mass = float(weighed @ (weights * right) / max(float(weighed @ weighed), 1e-300))
+    if not mass > 0:
+        raise LinkworkError(
+            "the forces tell no mass above zero at the tool; check the signs of the forces, and "
+            "the robot without payload"
+        )
+    guess = PossibleBody(mass, at, np.sqrt(mass) * root, flat)
+    theta, covariance = fitted(
+        lambda theta: weights * (right - rows @ guess.moments(theta)),
+        spread,
+        np.full(guess.size, -np.inf),
+    )
+    # In the tool's frame.
+    m, c, tensor = guess.parts(theta)
+    R = rotation(held.frame)
+    x, y, z = map(float, R.T @ (c - at))
+    turned = R.T @ tensor @ R
+    inertia = inertia_of(turned, flat)
+    size = np.sqrt(np.sum(guess.root**2) / guess.mass)
+    spreads = np.sqrt(np.diagonal(covariance))
+    centre = size * np.append(spreads[1:3], 0.0) if flat else size * spreads[1:4]
+    return EstimatedPayload(
+        robot, name, float(m.real), (x, y, z), inertia, float(m.real * spreads[0]), centre
+    )
