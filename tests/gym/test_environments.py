@@ -14,6 +14,8 @@ from linkwork.gym import DecisionProcess, Environment, Environments
 from linkwork.gym.catalogue import balancing, reaching, swinging_up
 from linkwork.robots import prr3
 
+from tests.processes import finished
+
 READY = {
     "Linkwork/Reach-v0": reaching,
     "Linkwork/Balance-v0": balancing,
@@ -291,3 +293,9 @@ def test_modes_and_names_that_there_are_not():
         Environment(reaching(), render_mode="human")
     with pytest.raises(lw.LinkworkError, match=r"is no linkwork.gym.DecisionProcess"):
         Environments("Reach", 2)  # pyright: ignore[reportArgumentType]
+
+
+def test_without_gymnasium_one_sentence_says_what_to_install():
+    hidden = "import sys; sys.modules['gymnasium'] = None; import linkwork.gym"
+    told = finished("-c", hidden).stderr.splitlines()[-1]
+    assert told.endswith('linkwork.gym needs Gymnasium: pip install "linkwork[gym]"')
