@@ -282,3 +282,24 @@ def test_single_precision_and_a_missing_jax_are_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "jax", None)
     with pytest.raises(lw.LinkworkError, match=r"pip install 'linkwork\[jax\]'"):
         linkwork.jax.model(robot_of("prr3"))
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_many_states_are_those_of_the_robot_and_each_is_looked_at(shared):
+    """More than a chunk, not a multiple of it; with rows of their own, and with one q for all."""
+    robot, model = robot_of("prr3"), model_of("prr3")
+    state, _ = states("prr3")
+    random, count = np.random.default_rng(11), 700
+    v, u = random.normal(size=(2, count, 3))
+    q = state.q[0] if shared else np.tile(state.q, (count // 4, 1))
+    chosen = state.at(np.zeros(count, int) if shared else np.arange(count) % 4).with_rates(v)
+    f = jax.jit(jax.vmap(model.forward_dynamics, (None if shared else 0, 0, 0)))
+    np.testing.assert_allclose(f(q, v, u), robot.forward_dynamics(chosen, u), rtol=1e-11)
+    for lost in (3, 300, 650, 699):
+        bad = v.copy()
+        bad[lost] = np.inf
+        with pytest.raises(REFUSED, match=f"not finite.*from 0: {lost}"):
+            jax.block_until_ready(f(q, bad, u))
+    quiet = linkwork.jax.model(robot, singular="nan")
+    found = jax.vmap(quiet.forward_dynamics, (None if shared else 0, 0, 0))(q, bad, u)
+    assert np.flatnonzero(np.isnan(found).any(axis=1)).tolist() == [lost]
