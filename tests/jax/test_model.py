@@ -11,6 +11,9 @@ import pytest
 import linkwork as lw
 import linkwork.jax
 from linkwork.jax.differentiable_model import JaxModel
+from linkwork.model.charts import CompiledChart
+
+from tests.robot.test_sticking import slide
 
 jax = pytest.importorskip("jax")
 jnp = jax.numpy
@@ -303,3 +306,22 @@ def test_many_states_are_those_of_the_robot_and_each_is_looked_at(shared):
     quiet = linkwork.jax.model(robot, singular="nan")
     found = jax.vmap(quiet.forward_dynamics, (None if shared else 0, 0, 0))(q, bad, u)
     assert np.flatnonzero(np.isnan(found).any(axis=1)).tolist() == [lost]
+
+
+def test_robots_that_cannot_are_refused_by_name(monkeypatch):
+    """Friction with states of its own, turns that are independent in part, and large ones."""
+    sticking = linkwork.jax.model(
+        slide(coulomb=0.5, bristle=lw.Bristle(stiffness=1e4, damping=20.0))
+    )
+    given = sticking.q, sticking.v, np.zeros(len(sticking.arrays.get("u", ())))
+    with pytest.raises(lw.LinkworkError, match="sticks by bristles"):
+        sticking.step(*given, 1e-3)
+    robot = robot_of("rrs3")
+    (_, turn), *_ = robot.equations.tree.quaternions
+    rates = robot.equations.tree.rates
+    mixed = [rates[turn[0]], *(each for each in rates if each in robot.independent)][:3]
+    with pytest.raises(lw.LinkworkError, match="the rates of one free turn, and not the others"):
+        linkwork.jax.model(robot, mixed).closed(robot.home.q)
+    monkeypatch.setattr(CompiledChart, "large", True)
+    with pytest.raises(lw.LinkworkError, match="derivatives of 3-PRR take too long to compile"):
+        linkwork.jax.model(lw.Robot("prr3"))
