@@ -36,7 +36,7 @@ STAGES = (
     "robot",
     "export",
     "autodiff analysis motions scene gym",
-    "design jax",
+    "design jax torch",
     "views",
     "sweeps viewer lab",
     "cli",

@@ -5,6 +5,7 @@ Nothing here asks for JAX or PyTorch.
 """
 
 from linkwork.autodiff.array_function import ArrayFunction
+from linkwork.autodiff.array_model import ArrayModel
 from linkwork.autodiff.offered import Offered, functions_of
 
-__all__ = ["ArrayFunction", "Offered", "functions_of"]
+__all__ = ["ArrayFunction", "ArrayModel", "Offered", "functions_of"]

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 
-import jax
 from linkwork.jax.evaluation import block_text, chunk_text
 from linkwork.jax.handler import Sentences, handler_text
 from linkwork.kernels import Kernel

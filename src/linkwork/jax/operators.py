@@ -14,10 +14,10 @@ from collections.abc import Callable, Sequence
 from functools import cache, partial
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 
-import jax
 from linkwork.autodiff import ArrayFunction
 from linkwork.autodiff.array_function import Wrt
 from linkwork.errors import LinkworkError

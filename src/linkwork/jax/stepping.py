@@ -7,23 +7,22 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 
-import jax
 from linkwork.autodiff import Offered
-from linkwork.errors import LinkworkError
+from linkwork.autodiff.runge_kutta import LOOSE, composed, require_no_bristles
+from linkwork.autodiff.turns import require_whole_turns
 from linkwork.export.implicit import STEPS
 from linkwork.jax.calls import WHERE, Calls
 from linkwork.jax.handler import Sentences
 from linkwork.jax.operators import operator, perturbed
-from linkwork.jax.steps import CLOSURES, STAGES, closing_text, step_text
+from linkwork.jax.steps import closing_text, step_text
 from linkwork.kernels.machine import this_machine
-from linkwork.mechanism.sticking import strains
 from linkwork.model.checks import PIVOT_BOUND
 from linkwork.runs.passage import CLOSURE
 
 Array = Any
-LOOSE = 1e3  # residual that is left after a step, over that of runs, from which on loops are open
 
 
 def closing(offered: Offered, calls: Calls) -> Callable[..., Array]:
@@ -64,12 +63,7 @@ def stepping(offered: Offered, calls: Calls) -> Callable[..., tuple[Array, Array
     """Return q, v, u, h[, p] -> q, v after a step of length h (..., 1); its derivatives are those
     of the evaluations and Newton steps that it is made of."""
     robot, equations = offered.robot, offered.equations
-    sticking = ", ".join(each.of for each in strains(robot.mechanism))
-    if sticking:
-        raise LinkworkError(
-            f"step is not defined: the friction of {sticking} sticks by bristles, which have "
-            "states of their own; robot.simulate and robot.stepper take steps with them"
-        )
+    require_no_bristles(offered)
     # The value: one call.
     nq, n, machine = equations.nq, equations.mobility, this_machine()
     motion = offered.motion.value
@@ -80,20 +74,15 @@ def stepping(offered: Offered, calls: Calls) -> Callable[..., tuple[Array, Array
     given = [*sizes[:3], 1, *sizes[3:]]
     call = calls.made("step", text, given, [nq, n], not_stepping(calls), motion, closure)
     # The derivatives: those of its parts.
-    derivatives, accelerations, newton = (
+    rates, accelerations, newton = (
         operator(each, calls)
         for each in (offered["coordinate_rates"], offered["forward_dynamics"], offered.newton)
     )
 
-    def composed(q: Array, v: Array, u: Array, h: Array, *p: Array) -> tuple[Array, Array]:
-        after_q, after_v, at_q, at_v = q, v, q, v
-        for along, weight in STAGES:
-            dq, dv = derivatives(at_q, at_v, *p), accelerations(at_q, at_v, u, *p)
-            after_q, after_v = after_q + h / 6 * weight * dq, after_v + h / 6 * weight * dv
-            at_q, at_v = q + h * along * dq, v + h * along * dv
-        for _ in range(CLOSURES if equations.constrained else 0):
-            after_q = newton(after_q, *p)
-        return after_q, after_v
+    def motion_of(q: Array, v: Array, u: Array, *p: Array) -> tuple[Array, Array]:
+        return rates(q, v, *p), accelerations(q, v, u, *p)
+
+    parts = composed(motion_of, newton if equations.constrained else None)
 
     @jax.custom_jvp
     def step(*x: Array) -> tuple[Array, Array]:
@@ -101,7 +90,7 @@ def stepping(offered: Offered, calls: Calls) -> Callable[..., tuple[Array, Array
 
     @partial(step.defjvp, symbolic_zeros=True)
     def _(x: tuple[Array, ...], dx: tuple[Array, ...]) -> Any:
-        return jvp(composed, x, dx)
+        return jvp(parts, x, dx)
 
     return step
 
@@ -115,21 +104,6 @@ def jvp(f: Callable[..., Any], x: tuple[Array, ...], dx: tuple[Array, ...]) -> t
         return f(*[given.get(i, each) for i, each in enumerate(x)])
 
     return jax.jvp(of_some, [x[i] for i in wrt], [dx[i] for i in wrt])
-
-
-def require_whole_turns(offered: Offered) -> None:
-    """Refuse charts in which a free turn is independent in part: what is held of it is no
-    coordinate."""
-    equations = offered.equations
-    independent, rates = {*equations.chart.independent}, equations.tree.rates
-    for _, turn in equations.tree.quaternions:
-        if 0 < len(independent & {*turn}) < len(turn):
-            names = ", ".join(rates[k] for k in turn)
-            raise LinkworkError(
-                f"closed is not defined in the rates {', '.join(equations.independent)}, which "
-                f"hold some of {names}, the rates of one free turn, and not the others; choose a "
-                "chart with all or none of them"
-            )
 
 
 def not_closing(calls: Calls) -> Sentences:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from linkwork.autodiff.runge_kutta import CLOSURES, STAGES
 from linkwork.jax.evaluation import bits, finite_text
 from linkwork.jax.handler import UNDEFINED, WEAK
 from linkwork.kernels import Kernel
@@ -21,9 +22,6 @@ from linkwork.kernels.lines import Lines, function_text
 from linkwork.kernels.machine import Machine
 from linkwork.kernels.stored_states import moves_text
 
-STAGES = ((0.5, 1.0), (0.5, 2.0), (1.0, 2.0), (0.0, 1.0))
-"""Of each evaluation: how far along it the next one lies, over h, and its weight, over h / 6."""
-CLOSURES = 2  # Newton steps that close the loops after a step
 HEAD = "internal i64 @block(i64 %states, ptr %in, ptr %strides, ptr %out) noinline"
 
 
