@@ -114,7 +114,7 @@ def made(
 def differentiated(op: Callable[..., Tensor], back: Backward) -> Callable[..., Tensor]:
     """Return an operator with its gradient: (context, dL/dy) -> dL/dx of each input."""
 
-    class Differentiated(torch.autograd.Function):
+    class WithGradient(torch.autograd.Function):
         generate_vmap_rule = True
 
         @staticmethod
@@ -129,7 +129,7 @@ def differentiated(op: Callable[..., Tensor], back: Backward) -> Callable[..., T
         def backward(ctx: Any, dy: Tensor) -> tuple[Tensor | None, ...]:
             return back(ctx, dy)
 
-    return Differentiated.apply
+    return WithGradient.apply
 
 
 def evaluation(kernel: Kernel, guard: Guard, weighed: bool = False) -> Callable[..., Tensor]:
