@@ -50,7 +50,9 @@ class ArrayModel:
         self.name, self.independent = robot.mechanism.name, self._offered.equations.independent
         self.notes: tuple[str, ...] = self._offered.functions.notes
         state = chart if isinstance(chart, State) else robot.in_chart(robot.home, self.independent)
-        self.p, self.q, self.v = (self._doubles(x) for x in (robot.p, state.q, state.rates))
+        self.p: Array = self._doubles(robot.p)
+        self.q: Array = self._doubles(state.q)
+        self.v: Array = self._doubles(state.rates)
         self._doors: dict[str, Callable[..., Any]] = {}
 
     def __repr__(self) -> str:

@@ -37,8 +37,9 @@ def composed(
             dq, dv = motion(at_q, at_v, u, *p)
             after_q, after_v = after_q + h / 6 * weight * dq, after_v + h / 6 * weight * dv
             at_q, at_v = q + h * along * dq, v + h * along * dv
-        for _ in range(CLOSURES if newton else 0):
-            after_q = newton(after_q, *p)
+        if newton:
+            for _ in range(CLOSURES):
+                after_q = newton(after_q, *p)
         return after_q, after_v
 
     return step

@@ -63,7 +63,8 @@ class TorchModel(ArrayModel):
         def call(*given: Any, **named: Any) -> Any:
             return own(self, *given, **named) if own else self._door(name)(*given, **named)
 
-        return torch.compiler.allow_in_graph(wraps(own)(call) if own else call)
+        seen: Any = torch.compiler.allow_in_graph(wraps(own)(call) if own else call)
+        return seen
 
     @staticmethod
     def _doubles(value: Any) -> Tensor | None:

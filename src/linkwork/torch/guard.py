@@ -34,10 +34,9 @@ class Guard:
                 y, weak, f"the rates {', '.join(self.independent)} do not determine the motion; "
                 "take other independent rates by linkwork.torch.model(robot, chart)",
             )  # fmt: skip
-        return self.kept(
-            y, ~np.isfinite(y).all(axis=-1), "the result is not finite, for numbers given are not "
-            "or the configuration is singular; give others",
-        )  # fmt: skip
+        unsound = np.asarray(~np.isfinite(y).all(axis=-1))
+        why = "the result is not finite, for numbers given are not or the configuration is singular"
+        return self.kept(y, unsound, f"{why}; give others")
 
     def closed(self, q: np.ndarray, gap: np.ndarray, enough: float) -> np.ndarray:
         """Return configurations q (..., nq); gap: residuals of their loops (...).

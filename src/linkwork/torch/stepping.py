@@ -38,7 +38,7 @@ def closing(offered: Offered, guard: Guard) -> Callable[..., Tensor]:
 
     def backward(ctx: Any, dq: Tensor) -> tuple[Tensor | None, ...]:
         q, *p = ctx.saved_tensors
-        _, pulled = torch.func.vjp(newton, loops(q, *p), *p)
+        pulled = torch.func.vjp(newton, loops(q, *p), *p)[1]
         return pulled(dq)
 
     names = [name for name, _ in offered.newton.inputs]
@@ -109,7 +109,7 @@ def watching(offered: Offered, guard: Guard) -> Callable[..., Tensor]:
 
     def evaluate(y: Tensor, pivots: Tensor, *p: Tensor) -> Tensor:
         after, weights = y.detach().numpy().copy(), pivots.detach().numpy()
-        wrong = (weights[..., 1:] * weights[..., :1] < 0).any(axis=-1)
+        wrong = np.asarray((weights[..., 1:] * weights[..., :1] < 0).any(axis=-1))
         if closure:
             given = [each.detach().numpy() for each in p]
             gap = closure(np.ascontiguousarray(after[..., :nq]), *given)[0][..., nq]
