@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
-import jax
 import linkwork as lw
 import linkwork.jax
 from linkwork.autodiff import functions_of
