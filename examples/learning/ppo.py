@@ -14,11 +14,10 @@ from functools import partial
 from time import perf_counter
 
 import gymnasium
+import jax
 import jax.numpy as jnp
 import numpy as np
 from scoring import SCALE, score
-
-import jax
 
 TOTAL = int(sys.argv[1]) if len(sys.argv) > 1 else 1_500_000
 ROBOTS, LENGTH, EPOCHS, PARTS = 256, 32, 4, 4
