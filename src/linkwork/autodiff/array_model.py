@@ -133,6 +133,28 @@ class ArrayModel:
             *self._together(*self._state(q, v, u, "step"), *self._rest(h, p, "step"))
         )
 
+    def rollout(
+        self, q: Array, v: Array, u: Array, h: Array, p: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Return the states (K + 1, ..., nq) and (K + 1, ..., n) of K steps, the first one
+        included.
+
+        Args:
+            q, v: the first state; u: forces (K, ..., actuators) of each step; h: their length [s].
+            p: free numbers.
+
+        Raises:
+            LinkworkError: as `step`.
+        """
+        q, v, u = self._state(q, v, u, "rollout")
+        if u.ndim < 2:
+            raise LinkworkError(
+                f"u of rollout has the shape {tuple(u.shape)}; give a row of forces for each step"
+            )
+        rest = self._rest(h, p, "rollout")
+        q, v, *_ = self._together(q, v, *([u[0]] if len(u) else []), *rest)
+        return self._rolled(q, v, u, rest)
+
     # What a framework does
 
     @staticmethod
@@ -159,21 +181,11 @@ class ArrayModel:
         """q, v, u, h[, p] -> q, v after a step of length h (..., 1)."""
         raise NotImplementedError
 
-    # What is given
+    def _rolled(self, q: Array, v: Array, u: Array, rest: list[Array]) -> tuple[Array, Array]:
+        """Return the states of a rollout; rest: what follows u among the arguments of a step."""
+        raise NotImplementedError
 
-    def _begun(
-        self, q: Array, v: Array, u: Array, h: Array, p: Array | None
-    ) -> tuple[tuple[Array, Array], Array, list[Array]]:
-        """Return the first state of a rollout, with all leading dimensions, the forces (K, ...,
-        actuators), and the rest of what a step takes."""
-        q, v, u = self._state(q, v, u, "rollout")
-        if u.ndim < 2:
-            raise LinkworkError(
-                f"u of rollout has the shape {tuple(u.shape)}; give a row of forces for each step"
-            )
-        rest = self._rest(h, p, "rollout")
-        q, v, *_ = self._together(q, v, *([u[0]] if len(u) else []), *rest)
-        return (q, v), u, rest
+    # What is given
 
     def _state(self, q: Array, v: Array, u: Array, what: str) -> list[Array]:
         given = zip((q, v, u), self._offered.motion.inputs, strict=False)

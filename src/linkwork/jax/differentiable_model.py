@@ -27,23 +27,9 @@ class JaxModel(ArrayModel):
         super().__init__(robot, chart)
         self._calls = Calls(self.name, self.independent, raises)
 
-    def rollout(
-        self, q: Array, v: Array, u: Array, h: Array, p: Array | None = None
-    ) -> tuple[Array, Array]:
-        """Return the states (K + 1, ..., nq) and (K + 1, ..., n) of K steps, the first one
-        included.
-
-        In reverse mode each step is done again on the way back, so that memory holds the states
-        alone.
-
-        Args:
-            q, v: the first state; u: forces (K, ..., actuators) of each step; h: their length [s].
-            p: free numbers.
-
-        Raises:
-            LinkworkError: as `step`.
-        """
-        (q, v), u, rest = self._begun(q, v, u, h, p)
+    def _rolled(self, q: Array, v: Array, u: Array, rest: list[Array]) -> tuple[Array, Array]:
+        """Return the states of a rollout; in reverse mode each step is done again on the way back,
+        so that memory holds the states alone."""
 
         @jax.checkpoint
         def onward(state: tuple[Array, Array], u: Array) -> Any:

@@ -35,20 +35,7 @@ class TorchModel(ArrayModel):
         for name in self.functions:
             setattr(self, name, self._in_graphs(name))
 
-    def rollout(
-        self, q: Tensor, v: Tensor, u: Tensor, h: Any, p: Tensor | None = None
-    ) -> tuple[Tensor, Tensor]:
-        """Return the states (K + 1, ..., nq) and (K + 1, ..., n) of K steps, the first one
-        included.
-
-        Args:
-            q, v: the first state; u: forces (K, ..., actuators) of each step; h: their length [s].
-            p: free numbers.
-
-        Raises:
-            LinkworkError: as `step`.
-        """
-        (q, v), u, rest = self._begun(q, v, u, h, p)
+    def _rolled(self, q: Tensor, v: Tensor, u: Tensor, rest: list[Tensor]) -> tuple[Tensor, Tensor]:
         along = [(q, v)]
         for forces in u:
             along.append(self._stepping(*self._together(*along[-1], forces, *rest)))
