@@ -4,6 +4,7 @@ machine can, bits agree."""
 import ctypes
 import re
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -55,10 +56,20 @@ def aligned(*shape: int) -> np.ndarray:
 @pytest.mark.parametrize("kind", FUNCTIONS)
 def test_vectors_are_spilled_to_an_aligned_stack(large: Program, machine: Machine, kind: Kind):
     listing = assembly(module_text(large, machine, kind), machine)
-    of_stack = rf"\tvmov([au])p[sd]\t(?=.*%{'zmm' if machine.lanes == 8 else 'ymm'}).*\(%r[sb]p[,)]"
+    register = "zmm" if machine.lanes == 8 and kind != "one" else "ymm"
+    of_stack = rf"\tvmov([au])p[sd]\t(?=.*%{register}).*\(%r[sb]p[,)]"
     found = re.findall(of_stack, listing)
     assert found.count("u") == 0
     assert kind == "one" or found.count("a") > 100
+
+
+@pytest.mark.parametrize("angles", [1, 4, 5, 20, 60])
+def test_code_for_one_state_has_no_vectors_of_8_which_slow_down_single_numbers(angles: int):
+    x = ca.SX.sym("x", angles)
+    program = simplify(trace(ca.Function("f", [x], [ca.sin(x), ca.cos(x)])))
+    one, batch = (assembly(module_text(program, AVX512, kind), AVX512) for kind in ("one", "batch"))
+    assert "zmm" in batch
+    assert "ymm" in one and "zmm" not in one
 
 
 def test_a_constant_is_kept_once_for_all_lanes_where_instructions_broadcast_it(large: Program):

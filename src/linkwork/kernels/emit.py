@@ -10,8 +10,9 @@ for states side by side.
 All come from the same walk over the program's sections, for double and for <lanes x double>:
 straight-line code, but for the sines and cosines at the sections' ends (`angles`). The sections of
 a large program are functions of their own. Functions that are not inlined are calls of the C
-library, lane by lane. The second module holds `rows` as well, which uses `batch`; a fourth one
-holds these and `columns` (`unit_directions`).
+library, lane by lane. The first module takes its angles in vectors of 4 at most, since longer ones
+would slow down the single numbers around them. The second one holds `rows` as well, which uses
+`batch`; a fourth one holds these and `columns` (`unit_directions`).
 
 `wide` does one vector of states after the other, as `batch` does: the processor begins the next one
 while it waits for the last results of the one before. A loop that needs all results before it can
@@ -42,6 +43,8 @@ FUNCTIONS: dict[Kind, tuple[str, ...]] = {
 
 def module_text(program: Program, machine: Machine, kind: Kind) -> str:
     """Return the LLVM module of a program with the FUNCTIONS of its kind, or with `columns`."""
+    if kind == "one":
+        machine = machine.for_single_numbers
     called = {node.op for node in program.nodes if node.op in LIBRARY}
     if called & {"sin", "cos"}:
         called |= {"sin", "cos"}

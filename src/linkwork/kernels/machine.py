@@ -1,6 +1,6 @@
 """The machine that runs a kernel: what its vector registers hold and which instructions it has."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import llvmlite
@@ -10,16 +10,29 @@ import llvmlite.binding as llvm
 @dataclass(frozen=True)
 class Machine:
     """A processor, by LLVM's names for its triple, its model and its features
-    ("+avx2,-avx512f,...")."""
+    ("+avx2,-avx512f,...").
+
+    widest: doubles of a vector register that are used at most
+    """
 
     triple: str
     cpu: str
     features: str
+    widest: int = 8
 
     @property
     def lanes(self) -> int:
         """Doubles per vector register: 8 with AVX-512, 4 with AVX2, else 2."""
-        return 8 if self._has("avx512f") else 4 if self._has("avx2") else 2
+        return min(self.widest, 8 if self._has("avx512f") else 4 if self._has("avx2") else 2)
+
+    @property
+    def for_single_numbers(self) -> "Machine":
+        """The same processor, with vectors of 4 doubles at most.
+
+        One product of 8 doubles makes a hundred single ones after it take up to three times as
+        long on processors whose two units for products join into one for AVX-512.
+        """
+        return replace(self, widest=min(self.widest, 4))
 
     @property
     def has_fma(self) -> bool:
