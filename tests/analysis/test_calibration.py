@@ -195,6 +195,7 @@ def test_redundant_encoders_find_lengths_without_a_tool(rpr):
     truth = errors(robot, 1e-3, 2)
     states, real = measured(robot, near, truth)
     joints = {name: real[name] for name in ("pivot_1", "pivot_2", "pivot_3")}
+    joints["pivot_2"] = joints["pivot_2"] + 2 * np.pi  # counted from elsewhere
     found = analysis.calibrate(robot, analysis.MeasuredPoses(states, joints=joints))
     assert found.chi_square < 1e-22 and found.observability.rank == 15 - 2 - 3
     for path, seen in zip(found.values, found.observability.seen, strict=True):
@@ -335,3 +336,13 @@ def test_numbers_that_open_a_loop_of_redundant_rows_are_refused():
     state = free.state(free.home.positions[None])
     with pytest.raises(lw.LinkworkError, match="more constraints than it needs"):
         analysis.observability(free, state, measure="nothing", joints=[name])
+
+
+def test_deviations_where_nothing_remains_are_zero_or_infinite(rpr):
+    """Of what is not seen by itself no product of nothing and infinity is told."""
+    robot, states = rpr
+    found = analysis.calibrate(
+        robot, analysis.MeasuredPoses(states, joints={"pivot_1": states["pivot_1"]})
+    )
+    assert found.chi_square == 0 and np.isinf(found.deviations).any()
+    assert not np.isnan(found.deviations).any()

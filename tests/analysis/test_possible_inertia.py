@@ -137,6 +137,17 @@ def test_refusals():
         analysis.payload(robot, 3)  # pyright: ignore[reportArgumentType]
     with pytest.raises(lw.LinkworkError, match=r"give what analysis\.identify returns"):
         analysis.possible(data)  # pyright: ignore[reportArgumentType]
+    q, dv, forces = data.states, data.accelerations, data.forces
+    for wrong, sentence in (
+        (analysis.Measured(q, dv, np.nan * forces), r"measured forces\[0, 0\] is nan"),
+        (analysis.Measured(q, np.nan * dv, forces), r"measured accelerations\[0, 0\] is nan"),
+        (analysis.Measured(q, dv, forces[:5]), r"shape \(5, 6\); give \(20, 6\)"),
+        (analysis.Measured(q, dv[:, :3], forces), r"shape \(20, 3\); give \(20, 6\)"),
+        (analysis.Measured(robot.home, dv[0], forces[0]), "give a stack"),
+    ):
+        for ask in (analysis.payload, analysis.identify):
+            with pytest.raises(lw.LinkworkError, match=sentence):
+                ask(robot, wrong)
     few = analysis.Measured(
         robot.state(data.states.positions[:1], data.states.rates[:1]),
         data.accelerations[:1],

@@ -42,7 +42,7 @@ def test_facts_as_json():
     facts = json.loads(result.stdout)
     assert list(facts) == [
         "name", "mobility", "gruebler", "planar", "actuators", "bodies", "joints", "springs",
-        "loops", "redundant", "idle", "chart", "kernels",
+        "loops", "redundant", "idle", "quantities", "chart", "kernels",
     ]  # fmt: skip
     assert (facts["mobility"], facts["gruebler"], facts["loops"]) == (3, 3, 2)
     assert (len(facts["bodies"]), len(facts["joints"]), facts["springs"]) == (7, 9, [])
@@ -191,3 +191,11 @@ def test_markup_in_names_is_printed_as_it_is(tmp_path):
     mechanism = lw.robots.prr3()
     mechanism.model_copy(update={"name": "[red]3-PRR[/]"}).save(path)
     assert "[red]3-PRR[/]" in call("info", path).output
+
+
+def test_named_quantities_are_told(without_kernels, capsys):
+    mechanism = lw.robots.pendulum().with_quantities({"rod": 0.3, "half": "rod/2"}, {})
+    facts = gather(lw.Robot(mechanism))
+    assert facts["quantities"] == {"rod": 0.3, "half": 0.15}
+    assert fact(told(lw.Robot(mechanism), capsys), "quantities") == "rod = 0.3, half = 0.15"
+    assert "quantities" not in told(lw.Robot("pendulum"), capsys)

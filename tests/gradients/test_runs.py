@@ -508,3 +508,28 @@ def test_an_event_that_touches_zero():
         assert run.status.name == ("EVENT" if passes else run.status.name)
         if run.status.name == "EVENT" and not passes:
             refused("touches zero rather than passing it", run.sensitivity, "joint_rate")
+
+
+@pytest.mark.parametrize("value", [lambda x: np.nan, lambda x: math.log(x - 9)])
+def test_a_loss_that_is_not_finite_has_no_derivative(value):
+    robot = lw.Robot("prr3")
+
+    def loss(t, state):
+        return value(state["slide_1"])
+
+    refused("is nan along this run", robot.gradient, loss, robot.home, duration=0.01)
+    refused("is nan", robot.gradient, None, robot.home, duration=0.01, running=loss)
+
+
+def test_parameters_that_share_a_name_are_refused():
+    """Whether a number is the mechanism's or the controller's is not told by its name then."""
+    robot = lw.Robot("prr3").free("platform.mass")
+
+    def law(name):
+        return lambda t, state: [state.parameter(name, 2.0) * state.rate("slide_1"), 0, 0]
+
+    both = {"duration": 0.01, "parameters": {"platform.mass": 12.0}}
+    refused("neither can be told", robot.simulate, robot.home, law("platform.mass"), **both)
+    for name in ("rates", "rates.slide_1"):
+        run = robot.simulate(robot.home, law(name), duration=0.01)
+        refused("another name to differentiate", run.sensitivity)

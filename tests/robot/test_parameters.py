@@ -320,3 +320,9 @@ def test_states_of_another_geometry_are_refused(platform):
         lw.LinkworkError, match="the state belongs to another robot: its loops are open"
     ):
         longer.mass_matrix(free.home)
+
+
+def test_the_refusal_of_what_is_no_number_names_the_quantities():
+    mechanism = lw.robots.pendulum().with_quantities({"rod": 0.3, "lean": 0.1}, {})
+    with pytest.raises(lw.LinkworkError, match=r"mean rod.*: it is none of .*quantities rod, lean"):
+        lw.Robot(mechanism).free("rood")

@@ -91,7 +91,8 @@ class Calibration(Portrayed):
     @property
     def deviations(self) -> np.ndarray:
         """Standard deviations of the numbers (np); infinite where one is not told by itself."""
-        return self.scale * self.observability.deviations
+        of_rows = self.observability.deviations
+        return np.multiply(self.scale, of_rows, out=of_rows.copy(), where=np.isfinite(of_rows))
 
     @property
     def unseen(self) -> tuple[dict[str, float], ...]:

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 from linkwork.analysis._base_parameters import Base, base_parameters
 from linkwork.analysis.newton import solver
 from linkwork.analysis.square import of_joints
+from linkwork.checks import finite, shown
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.linear import own_rates
@@ -108,7 +109,7 @@ def identify(
         LinkworkError: too few samples, a motion that does not tell all base parameters apart.
     """
     # Y beta = S' u - (known part), each row multiplied by its rate's own unit so that rows compare.
-    data = of_run(robot, measured) if isinstance(measured, Run) else measured
+    data = motion_of(robot, measured)
     base = base_parameters(robot, effects, seed=seed)
     states, n, own = data.states, robot.mobility, own_rates(robot, data.states)
     applied = np.einsum("kan,ka->kn", robot.actuation(states), data.forces)
@@ -146,6 +147,30 @@ def identify(
     deviations = np.linalg.norm(np.linalg.inv(R), axis=1) / lengths * np.sqrt(freedom)
     root = R * lengths / np.sqrt(freedom)
     return Identification(base, beta, deviations, float(sigma[0] / sigma[-1]), noise / own, root)
+
+
+def motion_of(robot: Robot, measured: Measured | Run) -> Measured:
+    """Return a measured motion with its forces, as numbers that fit the robot."""
+    if isinstance(measured, Run):
+        return of_run(robot, measured)
+    if not isinstance(measured, Measured):
+        raise LinkworkError(f"measured is {shown(measured)}; give a Measured motion, or a run")
+    if not isinstance(measured.states, State) or len(measured.states.batch) != 1:
+        raise LinkworkError(
+            f"the measured states are {shown(measured.states)}; give a stack (N) of states, one "
+            "for each sample"
+        )
+    count, given = *measured.states.batch, []
+    for name, values, width in (
+        ("accelerations", measured.accelerations, robot.mobility),
+        ("forces", measured.forces, len(robot.actuators)),
+    ):
+        given.append(finite(values, f"the measured {name}"))
+        if given[-1].shape != (count, width):
+            raise LinkworkError(
+                f"the measured {name} have the shape {given[-1].shape}; give {(count, width)}"
+            )
+    return Measured(measured.states, *given)
 
 
 def of_run(robot: Robot, run: Run) -> Measured:

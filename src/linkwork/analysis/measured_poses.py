@@ -33,6 +33,7 @@ STEPS = 30
 CLOSED = 1e-13  # gap in own units that ends the closing of loops
 OPEN = 1e-9  # gap that is no rounding
 DEPENDENT = 1e-9  # singular value over the largest
+TURN = 2 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +44,7 @@ class MeasuredPoses:
         the coordinates of the actuators are the readings, all others only tell the branch
     tool: poses of the tool as `Robot.tool_pose` gives them (N, 6; N, 3 in the plane, or for
         positions alone) [m, rad]; None where it was not measured
-    joints: readings (N) of further joints by coordinate [m, rad]
+    joints: readings (N) of further joints by coordinate [m, rad]; whole turns do not matter
     position, rotation: standard deviation of each measured component of the tool's position [m] and
         rotation [rad]; encoders: of the further joints' readings, one or by name [m, rad]; those
         left out are of one size: the robot's own length, 1 rad
@@ -203,12 +204,15 @@ class PoseModel:
     def remains(
         self, q: np.ndarray, p: np.ndarray, tool: np.ndarray | None, joints: np.ndarray
     ) -> np.ndarray:
-        """Return what was measured less what is foretold, over the noise (N, rows).
+        """Return what was measured less what is foretold, over the noise (N, rows), angles without
+        whole turns.
 
         tool: measured [rotation vector; position] (N, 6); joints: readings (N, further joints)
         """
         out = self.evaluated(q, p)
-        parts = [joints - out["z"][..., 0]]
+        apart = joints - out["z"][..., 0]
+        turns = np.array([self.robot.unit(name) == "rad" for name in self.joints], bool)
+        parts = [apart - TURN * turns * np.round(apart / TURN)]
         if self.rows and tool is not None:
             turn = turned_by(out["x"], tool)
             both = np.concatenate([turn, tool[:, 3:] - out["x"][:, :3, 0]], axis=1)

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linkwork.analysis._base_parameters import regressor_of
-from linkwork.analysis.identification import Identification, Measured, of_run
+from linkwork.analysis.identification import Identification, Measured, motion_of
 from linkwork.checks import positive, shown
 from linkwork.equations.regressor import OF_BODIES
 from linkwork.errors import LinkworkError
@@ -274,9 +274,7 @@ def payload(
         LinkworkError: no tool, or one on the ground; forces that tell no mass above zero.
     """
     # The forces that are left, row by row in the rates' own units.
-    data = of_run(robot, measured) if isinstance(measured, Run) else measured
-    if not isinstance(data, Measured):
-        raise LinkworkError(f"measured is {shown(measured)}; give a Measured motion, or a run")
+    data = motion_of(robot, measured)
     robot.require_tool()
     positive(spread, "spread")
     name = next(iter(robot.mechanism.tools)) if tool is None else tool

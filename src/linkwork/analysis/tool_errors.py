@@ -128,6 +128,11 @@ def refuse_open(robot: Robot, left: np.ndarray, right: np.ndarray) -> None:
     beyond = np.flatnonzero(gaps > OPENED * sizes)
     if beyond.size:
         path = tuple(robot.parameters)[beyond[0]]
+        if not robot.redundant:
+            raise LinkworkError(
+                f"where {path!r} is off, the loops do not close, for a pose is singular there or "
+                "nearly so; leave it out, or see whether the readings are those of this robot"
+            )
         raise LinkworkError(
             f"where {path!r} is off, the loops do not close, for the mechanism has more "
             f"constraints than it needs ({amount(len(robot.redundant), 'redundant row')})"

@@ -42,7 +42,8 @@ def structure(robot: Robot) -> dict[str, Any]:
     bodies, joints (name, type, connects two bodies, couples coordinates by ratios, role "tree",
     "cut" or "gear", actuated rates, limits, spring stiffness by freedom), springs (between points:
     name, connects, stiffness), loops, redundant (rows that depend on others), idle (freedoms that
-    move one member only), chart (independent rates, kept rows, elimination).
+    move one member only), quantities (values by name), chart (independent rates, kept
+    rows, elimination).
     """
     equations, mechanism = robot.equations, robot.mechanism
     return {
@@ -60,6 +61,7 @@ def structure(robot: Robot) -> dict[str, Any]:
         "loops": equations.topology.loops,
         "redundant": list(robot.redundant),
         "idle": list(robot.idle),
+        "quantities": dict(mechanism.let),
         "chart": {
             "independent": list(robot.independent),
             "rows": [equations.rows.names[index] for index in equations.chart.rows],
@@ -117,6 +119,7 @@ def print_tables(found: dict[str, Any]) -> None:
         ("idle freedoms", "; ".join(found["idle"]) or "none"),
         ("limits", "; ".join(limits(found["joints"])) or "none"),
         ("springs", "; ".join(springs(found)) or "none"),
+        *([("quantities", quantities(found))] if found["quantities"] else []),
         ("independent", ", ".join(chart["independent"])),
         ("elimination", elimination(chart)),
     ]
@@ -204,6 +207,11 @@ def springs(found: dict[str, Any]) -> Iterator[str]:
             )
     for spring in found["springs"]:
         yield f"{spring['name']} ({' - '.join(spring['connects'])}) {spring['stiffness']:g} N/m"
+
+
+def quantities(found: dict[str, Any]) -> str:
+    """Return the named quantities with their values."""
+    return ", ".join(f"{name} = {value:g}" for name, value in found["quantities"].items())
 
 
 def freedom_name(joint: dict[str, Any], freedom: str) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -83,7 +84,13 @@ def loss_gradient(
     samples = None
     if isinstance(forces, Sampled) and len(numbers.commands):
         samples = by_samples(of, numbers, forces, slopes.signal)
-    return LossGradient(value + slopes.integral, run, names, found, numbers.groups, samples)
+    value += slopes.integral
+    if not isfinite(value):
+        raise LinkworkError(
+            f"the loss is {value:g} along this run, and has no derivative: it divides by zero, or "
+            "takes the root or the logarithm of a number below zero"
+        )
+    return LossGradient(value, run, names, found, numbers.groups, samples)
 
 
 def with_losses(

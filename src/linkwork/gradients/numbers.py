@@ -57,7 +57,14 @@ class Numbers:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The names of all numbers, in their order."""
-        return tuple(name for group in GROUPS for name in self.groups[group])
+        names = tuple(name for group in GROUPS for name in self.groups[group])
+        for name in self.of.acting.parameters:
+            if name in GROUPS or names.count(name) > 1:
+                raise LinkworkError(
+                    f"the parameter {name!r} of what acts has the name of a group of numbers, or "
+                    "of another number; give it another name to differentiate the run"
+                )
+        return names
 
     @cached_property
     def commands(self) -> range:

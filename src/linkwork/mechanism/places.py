@@ -42,6 +42,12 @@ def located(mechanism: Record, path: str) -> tuple[Where, float]:
             found.append(_follow(mechanism, (*section, *parts), ()))
         except NoNumberError as error:
             dead_ends.append((error.depth - len(section), str(error)))
+    quantities = contents(mechanism).get("let")
+    if not found and len(parts) == 1 and quantities:
+        raise MechanismError(
+            f"{shown(path)} leads to no number{suggestion(path, quantities)}: it is none of the "
+            f"named quantities {', '.join(quantities)}, and no path such as 'platform.mass'"
+        )
     if not found:
         raise MechanismError(
             f"{shown(path)} leads to no number: {max(dead_ends, key=lambda end: end[0])[1]}"

@@ -324,6 +324,12 @@ def system(
     followed = followed_by(robot, acting, state)
     acting = replace(acting, followed=followed) if followed else acting
     require_cover(acting.references, span)
+    for name in acting.parameters:
+        if name in robot.parameters:
+            raise LinkworkError(
+                f"the parameter {name!r} of what acts has the name of a free number of the "
+                "mechanism, so that neither can be told from the other; give it another name"
+            )
     checks.known(parameters, tuple(acting.parameters), "parameter")
     values = {**acting.parameters} | {
         name: checks.number(value, name) for name, value in parameters.items()
