@@ -52,14 +52,11 @@ def model(
             robot; rates that do not determine the motion; a mechanism whose derivatives take too
             long to compile.
     """
-    jax = imported("jax", "JAX is not installed; pip install 'linkwork[jax]'")
-    if not jax.config.jax_enable_x64:
-        raise LinkworkError(
-            "JAX computes in single precision, in which loops do not stay closed; call "
-            'jax.config.update("jax_enable_x64", True) before anything else'
-        )
+    imported("jax", "JAX is not installed; pip install 'linkwork[jax]'")
+    from linkwork.jax.differentiable_model import JaxModel
+    from linkwork.jax.precision import require_doubles
+
+    require_doubles()
     if singular not in ("raise", "nan"):
         raise LinkworkError(f'singular is {shown(singular)}; give "raise" or "nan"')
-    from linkwork.jax.differentiable_model import JaxModel
-
     return JaxModel(robot, chart, singular == "raise")

@@ -13,6 +13,7 @@ from linkwork.autodiff import ArrayFunction, ArrayModel
 from linkwork.jax import stepping
 from linkwork.jax.calls import Calls
 from linkwork.jax.operators import operator
+from linkwork.jax.precision import require_doubles
 from linkwork.model.state import State
 from linkwork.robot import Robot
 
@@ -41,6 +42,7 @@ class JaxModel(ArrayModel):
 
     @staticmethod
     def _doubles(value: Any) -> Array | None:
+        require_doubles()
         try:
             array = jnp.asarray(value)
         except (TypeError, ValueError):

@@ -11,17 +11,17 @@ directions side by side, as so many states. Inputs that nobody perturbs are left
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cache, partial
-from typing import Any
+from functools import cache
+from typing import Any, NoReturn
 
-import jax
 import jax.numpy as jnp
-from jax.custom_derivatives import SymbolicZero
+from jax.interpreters.ad import Zero
 
 from linkwork.autodiff import ArrayFunction
 from linkwork.autodiff.array_function import Wrt
 from linkwork.errors import LinkworkError
 from linkwork.jax.calls import Calls
+from linkwork.jax.jax_function import JaxFunction
 
 Array = Any
 
@@ -33,58 +33,52 @@ def operator(of: ArrayFunction, calls: Calls) -> Callable[..., Array]:
     """
 
     # The function itself, whose derivative needs J for the inputs that are perturbed.
-    @jax.custom_jvp
-    def f(*x: Array) -> Array:
-        return calls.of(of.value, of.weighed)(*x)
-
-    @partial(f.defjvp, symbolic_zeros=True)
-    def _(x: tuple[Array, ...], dx: tuple[Array, ...]) -> tuple[Array, Array]:
-        wrt = perturbed(dx)
-        return f(*x), times(slope(wrt)(*x), joined(dx, wrt))
+    def jvp(x: Sequence[Array], dx: Sequence[Array]) -> tuple[tuple[Array], tuple[Array]]:
+        y, wrt = f(*x), perturbed(dx)
+        return (y,), (times(slope(wrt)(*x), joined(dx, wrt)) if wrt else jnp.zeros_like(y),)
 
     @cache
     def slope(wrt: Wrt) -> Callable[..., Array]:
         """Return J = dy/dx (..., k, m) for some inputs."""
         shape = of.width(wrt), of.size
 
-        @jax.custom_jvp
-        def J(*x: Array) -> Array:
-            return shaped(calls.of(of.slope(wrt), of.weighed)(*x), shape)
-
-        @partial(J.defjvp, symbolic_zeros=True)
-        def _(x: tuple[Array, ...], dx: tuple[Array, ...]) -> tuple[Array, Array]:
+        def jvp(x: Sequence[Array], dx: Sequence[Array]) -> tuple[tuple[Array], tuple[Array]]:
             along = perturbed(dx)
+            if not along:
+                return (J(*x),), (jnp.zeros_like(J(*x)),)
             d = jnp.eye(of.width(along))
             lead = x[0].shape[:-1]
             each = [jnp.broadcast_to(a[..., None, :], (*lead, len(d), a.shape[-1])) for a in x]
             bends = bend(wrt, along)(*each, jnp.broadcast_to(d, (*lead, *d.shape)))
-            change = times(bends, joined(dx, along))
-            return J(*x), shaped(change, shape)
+            return (J(*x),), (times(bends, joined(dx, along)),)
 
-        return J
+        J = made(lambda *x: calls.of(of.slope(wrt), of.weighed)(*x), jvp)
+        return lambda *x: shaped(J(*x), shape)
 
     @cache
     def bend(wrt: Wrt, along: Wrt) -> Callable[..., Array]:
         """Return the derivative of J along directions, flat (..., k m)."""
 
-        @jax.custom_jvp
-        def B(*x: Array) -> Array:
-            return calls.of(of.bend(wrt, along), of.weighed)(*x)
-
-        @B.defjvp
-        def _(x: tuple[Array, ...], dx: tuple[Array, ...]) -> tuple[Array, Array]:
+        def jvp(x: Sequence[Array], dx: Sequence[Array]) -> NoReturn:
             raise LinkworkError(
                 f"{of.name} has derivatives of first and second order; a third one was asked for"
             )
 
-        return B
+        return made(lambda *x: calls.of(of.bend(wrt, along), of.weighed)(*x), jvp)
 
+    f = made(lambda *x: calls.of(of.value, of.weighed)(*x), jvp)
     return f
+
+
+def made(value: Callable[..., Array], jvp: Callable[..., Any]) -> Callable[..., Array]:
+    """Return a function with one result that has a derivative of its own."""
+    own = JaxFunction(lambda *x: (value(*x),), jvp)
+    return lambda *x: own(*x)[0]
 
 
 def perturbed(tangents: Sequence[Array]) -> Wrt:
     """Return the inputs that have tangents."""
-    return tuple(i for i, t in enumerate(tangents) if not isinstance(t, SymbolicZero) and t.size)
+    return tuple(i for i, t in enumerate(tangents) if not isinstance(t, Zero) and t.shape[-1])
 
 
 def joined(tangents: Sequence[Array], wrt: Wrt) -> Array:

@@ -3,8 +3,7 @@ those of what they are made of."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -16,7 +15,8 @@ from linkwork.autodiff.turns import require_whole_turns
 from linkwork.export.implicit import STEPS
 from linkwork.jax.calls import WHERE, Calls
 from linkwork.jax.handler import Sentences
-from linkwork.jax.operators import operator, perturbed
+from linkwork.jax.jax_function import JaxFunction
+from linkwork.jax.operators import made, operator, perturbed
 from linkwork.jax.steps import closing_text, step_text
 from linkwork.kernels.machine import this_machine
 from linkwork.model.checks import PIVOT_BOUND
@@ -40,14 +40,11 @@ def closing(offered: Offered, calls: Calls) -> Callable[..., Array]:
     sizes = [size for _, size in kernel.inputs]
     call = calls.made("closed", text, sizes, [equations.nq], not_closing(calls), kernel)
 
-    @jax.custom_jvp
-    def loops(*x: Array) -> Array:
-        return call(*x)[0]
-
-    @partial(loops.defjvp, symbolic_zeros=True)
-    def _(x: tuple[Array, ...], dx: tuple[Array, ...]) -> tuple[Array, Array]:
+    def moved(x: Sequence[Array], dx: Sequence[Array]) -> tuple[tuple[Array], tuple[Array]]:
         q = loops(*x)
-        return q, jvp(newton, (q, *x[1:]), dx)[1]
+        return (q,), (jvp(newton, (q, *x[1:]), dx)[1],)
+
+    loops = made(lambda *x: call(*x)[0], moved)
 
     def closed(q: Array, *p: Array) -> Array:
         for places, _ in equations.tree.quaternions:
@@ -84,18 +81,18 @@ def stepping(offered: Offered, calls: Calls) -> Callable[..., tuple[Array, Array
 
     parts = composed(motion_of, newton if equations.constrained else None)
 
-    @jax.custom_jvp
-    def step(*x: Array) -> tuple[Array, Array]:
-        return tuple(call(*x))
+    # They are taken at a q that is NaN where the step itself is not defined, and that XLA cannot
+    # have without the step: parts alone would go through a singular pose unseen.
+    def moved(x: Sequence[Array], dx: Sequence[Array]) -> Any:
+        after, _ = step(*map(jax.lax.stop_gradient, x))
+        defined = jnp.isfinite(after).all(axis=-1, keepdims=True)
+        return jvp(parts, (jnp.where(defined, x[0], jnp.nan), *x[1:]), dx)
 
-    @partial(step.defjvp, symbolic_zeros=True)
-    def _(x: tuple[Array, ...], dx: tuple[Array, ...]) -> Any:
-        return jvp(parts, x, dx)
-
+    step = JaxFunction(lambda *x: tuple(call(*x)), moved)
     return step
 
 
-def jvp(f: Callable[..., Any], x: tuple[Array, ...], dx: tuple[Array, ...]) -> tuple[Any, Any]:
+def jvp(f: Callable[..., Any], x: Sequence[Array], dx: Sequence[Array]) -> tuple[Any, Any]:
     """Return f(x) and its derivative along dx, where some of these may be symbolic zeros."""
     wrt = perturbed(dx)
 

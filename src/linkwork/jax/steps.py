@@ -85,7 +85,7 @@ def step_text(
         pivot = lines.load("%k", rows)
         first = first or pivot
         size = lines.call("fabs", pivot)
-        little = lines.compare("ule", size, lines.constant(bound))
+        little = lines.compare("ole", size, lines.constant(bound))
         other = lines.compare("olt", lines.op("fmul", pivot, first), lines.constant(0.0))
         either = lines.let(f"or {lines.truth} {little}, {other}")
         weak = lines.let(f"or i64 {weak}, {bits(lines, either, WEAK)}")
