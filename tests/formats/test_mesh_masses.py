@@ -167,7 +167,7 @@ INSIDE_OUT = (
         ('<mesh name="x" file="short.msh"/>', "is not as long as an MSH file"),
         ('<mesh name="x" file="x.step"/>', "is no mesh known here; give one of .stl, .obj"),
         ('<mesh name="y" file="x.stl"/>', "there is no mesh 'x'"),
-        ('<mesh name="x" builtin="sphere" params="2"/>', "it is made by MuJoCo itself"),
+        ('<mesh name="x"><plugin instance="made"/></mesh>', "it is made by MuJoCo itself"),
         (INSIDE_OUT, "its triangles face inwards"),
     ],
 )

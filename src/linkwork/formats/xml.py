@@ -33,6 +33,7 @@ R = TypeVar("R", bound=Record)
 class Element:
     """Hold an element: its tag, attributes and children, and where it stands.
 
+    line: of the file; 0 where the text is not the file's own
     scope: which one it comes from, of several models that a reader put together
     """
 
@@ -57,12 +58,14 @@ class Element:
 
     @property
     def place(self) -> str:
-        return f"{self.file.name}, line {self.line}"
+        """Return what a note begins with: the file, and the line in it if there is one."""
+        return f"{self.file.name}, line {self.line}" if self.line else self.file.name
 
     def refusal(self, what: str) -> MechanismError:
         """Return a refusal of this element: file, line, element, and the sentence."""
         what = what if len(what) <= LONGEST else f"{what[: LONGEST - 4]} ..."
-        return MechanismError(f"{self.file}: line {self.line}: {self.label}: {what}")
+        line = f" line {self.line}:" if self.line else ""
+        return MechanismError(f"{self.file}:{line} {self.label}: {what}")
 
     def each(self, *tags: str) -> Iterator[Element]:
         """Yield the children of some tags."""
@@ -184,16 +187,22 @@ def read(path: Path) -> Element:
             elements, has more than 400 000 elements, an element with more than 200 attributes, or a
             document type, or is not well-formed (the line is named).
     """
+    return parsed(contents(path), path)
+
+
+def parsed(data: bytes, path: Path, lined: bool = True) -> Element:
+    """Read XML from bytes as `read` does; lined: they are the file's own, and so are the lines that
+    the elements know."""
     parser, building = expat.ParserCreate(), _Building(path)
     parser.buffer_text = True
     parser.StartElementHandler = lambda tag, attributes: building.start(
-        tag, attributes, parser.CurrentLineNumber
+        tag, attributes, parser.CurrentLineNumber if lined else 0
     )
     parser.EndElementHandler = building.end
     parser.CharacterDataHandler = building.say
     parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = building.refuse_entities
     try:
-        parser.Parse(contents(path), True)
+        parser.Parse(data, True)
     except MechanismError:
         raise
     except expat.ExpatError as error:

@@ -1,6 +1,7 @@
 """MJCF, the model format of MuJoCo, read and written.
 
-read     document -> tree, geoms -> joints -> loops -> reader;  survey says what is left out
+read     document -> tree, geoms -> joints -> loops -> reader;  survey says what is left out,
+         flattening has MuJoCo write out what no reader here does
 write    plan (how MJCF holds a mechanism) -> writer: bodies, ties, lines, fluid on one sheet;
          differences says what MuJoCo takes otherwise
 """

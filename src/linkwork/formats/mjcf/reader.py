@@ -14,8 +14,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from linkwork.equations.joints import motions_of
+from linkwork.errors import LinkworkError
 from linkwork.formats import poses
 from linkwork.formats.masses import solid_of
+from linkwork.formats.mjcf import flattening
 from linkwork.formats.mjcf.actuators import ActuatorReader, ball_drives, driven_sites
 from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.fluid import drags_of, fluid_of
@@ -56,8 +58,15 @@ def read_mjcf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     Raises:
         MechanismError: one sentence that names file, line, element and what would be right.
     """
-    document = Document.read(root, reading.includes)
-    survey(document, notes)
+    document, unmade = Document.read(root, reading.includes), UNMADE
+    makers = flattening.made(document)
+    try:
+        document = flattening.flattened(document, makers, notes) if makers else document
+    except LinkworkError as error:
+        unmade = f"{UNMADE}; {error}"
+        for mesh in (maker for maker in makers if maker.tag == "mesh"):
+            notes.on(mesh, f"is made by MuJoCo alone: {error}")
+    survey(document, notes, unmade)
     try:
         return _mechanism(document, notes, reading)
     except MechanismError as error:
@@ -66,7 +75,7 @@ def read_mjcf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
         maker = next((part for part in world if part.tag in MAKERS), None)
         if maker is None:
             raise
-        raise maker.refusal(f"{UNMADE} ({error})") from None
+        raise maker.refusal(f"{unmade} ({error})") from None
 
 
 def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:

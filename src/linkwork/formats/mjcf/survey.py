@@ -153,13 +153,14 @@ BOUNDS = (
 )  # attributes of that kind
 
 
-def survey(document: Document, notes: Notes) -> None:
-    """Note all sections, elements and attributes of a document that are left out."""
+def survey(document: Document, notes: Notes, unmade: str = UNMADE) -> None:
+    """Note all sections, elements and attributes of a document that are left out; unmade: what is
+    said of the makers."""
     for element, remark, alters in document.remarks:
         notes.on(element, remark, alters)
     for section in document.root.children:
         if section.tag in READ_SECTIONS:
-            _inside(section, notes)
+            _inside(section, notes, unmade)
         elif section.tag not in SILENT_SECTIONS:
             told = section.tag not in SECTIONS or section.tag == "deformable"
             notes.on(
@@ -179,7 +180,7 @@ def survey(document: Document, notes: Notes) -> None:
                     )
 
 
-def _inside(element: Element, notes: Notes) -> None:
+def _inside(element: Element, notes: Notes, unmade: str) -> None:
     """Note what an element of a known tag and those in it say that is not read."""
     _attributes(element, element.tag, notes)
     known = {
@@ -200,9 +201,9 @@ def _inside(element: Element, notes: Notes) -> None:
         elif child.tag in ACTUATORS and element.tag in ("actuator", "default"):
             _attributes(child, "actuator", notes, silent=DRIVE | SERVO)
         elif child.tag in known:
-            _inside(child, notes)
+            _inside(child, notes, unmade)
         elif child.tag in MAKERS and element.tag not in UNFELT:
-            notes.on(child, f"is left out: it {UNMADE}", alters=True)
+            notes.on(child, f"is left out: it {unmade}", alters=True)
         elif child.tag not in SILENT_ELEMENTS:
             notes.on(child, "is left out: it is not known here", alters=element.tag not in UNFELT)
 
