@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import gymnasium
 import numpy as np
 import pytest
@@ -204,7 +206,13 @@ REFUSED = [
     (lambda envs: envs.reset(options={"reset_mask": [1, 2]}), "give 2 truth values"),
     (lambda envs: envs.reset(options={"draws": {"goal": 1.0}}), "no number that is drawn 'goal'"),
     (lambda envs: envs.reset(options={"draws": {"goal_x": np.ones(3)}}), "one number, or 2"),
+    (lambda envs: envs.step(1j * np.ones((2, 3))), "give numbers"),
     (lambda envs: envs.reset(seed=[1, 2, 3]), "there are 3 seeds"),
+    (lambda envs: envs.reset(seed=1.5), "a seed is 1.5; give a whole number"),
+    (lambda envs: envs.reset(seed=-1), "a seed is -1; give a whole number that is not negative"),
+    (lambda envs: envs.reset(seed=[0.5, 2]), "a seed is 0.5"),
+    (lambda envs: Environment(envs.process).reset(seed="a"), "a seed is 'a'"),
+    (copy.copy, "environments cannot be copied or pickled"),
     (lambda envs: envs.extra("ball"), "there is no further state 'ball'"),
 ]
 

@@ -56,8 +56,8 @@ class Environment(Env):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin an episode; return the observation and an empty info. Of the options there is
         "draws", as `Environments.reset` has it."""
-        super().reset(seed=seed)
         observations, _ = self._one.reset(seed=seed, options=options)
+        super().reset(seed=None if seed is None else int(seed))
         return observations[0], {}
 
     def step(self, action: ArrayLike) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:

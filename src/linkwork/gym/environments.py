@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -101,6 +101,12 @@ class Environments(VectorEnv):
         self._over = np.ones(self.num_envs, bool)
         self._read = np.zeros((self.num_envs, process.observed + 2))
 
+    def __reduce__(self) -> NoReturn:
+        raise LinkworkError(
+            "environments cannot be copied or pickled: they hold compiled code and its memory; "
+            "send a function that makes them"
+        )
+
     @property
     def states(self) -> State:
         """The states of all robots, a stack of N."""
@@ -182,7 +188,7 @@ class Environments(VectorEnv):
     def _act(self, actions: ArrayLike) -> None:
         """Take actions over, cut to their bounds; refuse those that do not fit."""
         try:
-            given = np.asarray(actions, float)
+            given = np.asarray(actions).astype(float, casting="same_kind")
         except (TypeError, ValueError):
             given = np.empty(0)
         if given.shape != self.action_space.shape:
@@ -274,13 +280,8 @@ class Environments(VectorEnv):
 
     def _seed(self, seed: Any, who: np.ndarray) -> None:
         """Give environments generators of random numbers: those that begin by their seeds."""
-        whole = isinstance(seed, int | np.integer)
-        seeds = range(seed, seed + self.num_envs) if whole else [] if seed is None else [*seed]
-        if seed is not None and len(seeds) != self.num_envs:
-            raise LinkworkError(
-                f"there are {len(seeds)} seeds; give an integer, or {self.num_envs} of them"
-            )
-        if whole:
+        seeds = seeds_of(seed, self.num_envs)
+        if isinstance(seed, int | np.integer):
             super().reset(seed=int(seed))
         if self._draws is None:
             fresh = np.random.SeedSequence(self.np_random.integers(2**63)).spawn(self.num_envs)
@@ -288,7 +289,26 @@ class Environments(VectorEnv):
             self._draws = Draws(generators, len(self._least))
         for i in who.tolist() if seeds else ():
             if seeds[i] is not None:
-                self._draws.renew(i, seeding.np_random(int(seeds[i]))[0])
+                self._draws.renew(i, seeding.np_random(seeds[i])[0])
+
+
+def seeds_of(seed: Any, count: int) -> list[int | None]:
+    """Return a seed for each environment, or none at all; refuse what is no whole number."""
+    if seed is None:
+        return []
+    if isinstance(seed, int | np.integer):
+        seeds: list[Any] = [seed + i for i in range(count)] if seed >= 0 else [seed]
+    else:
+        seeds = [*seed] if isinstance(seed, Sequence | np.ndarray) else [seed]
+    for each in seeds:
+        if each is not None and not (isinstance(each, int | np.integer) and each >= 0):
+            raise LinkworkError(
+                f"a seed is {checks.shown(each)}; give a whole number that is not negative, or "
+                "one for each environment"
+            )
+    if len(seeds) != count:
+        raise LinkworkError(f"there are {len(seeds)} seeds; give an integer, or {count} of them")
+    return [None if each is None else int(each) for each in seeds]
 
 
 def mode_of(mode: AutoresetMode | str) -> AutoresetMode:
