@@ -12,6 +12,7 @@ from matplotlib.mathtext import MathTextParser
 import linkwork as lw
 from linkwork.export.symbolic import derivation
 from linkwork.export.symbolic.closed import ClosedForms
+from linkwork.export.symbolic.page import escaped
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, RevoluteJoint, ScrewJoint
 
 NAMES = {
@@ -159,6 +160,21 @@ def test_latex_is_well_formed(name):
     for line in lines[:: 1 + len(lines) // 40]:
         parser.parse(f"${line.strip().replace('&', '')}$")
     assert r"\dot q_{4}" in text and r"\Delta_{1}" in text
+    assert "mass centre [kg m$^2$] of" in text
+
+
+@pytest.mark.parametrize(
+    "plain, latex",
+    [
+        ("acceleration [m/s^2] of link_1", r"acceleration [m/s$^2$] of link\_1"),
+        (
+            r"100 % & {a}~b\c ^",
+            r"100 \% \& \{a\}\textasciitilde{}b\textbackslash{}c \textasciicircum{}",
+        ),
+    ],
+)
+def test_plain_text_in_latex(plain, latex):
+    assert escaped(plain) == latex
 
 
 def test_the_module_for_sympy_gives_the_same_numbers():
@@ -176,6 +192,14 @@ def test_the_module_for_sympy_gives_the_same_numbers():
     for name in ("phi", "L", "M", "Cv", "G"):
         number = np.array(made["written_out"](made[name]).subs(values).evalf(), float)
         np.testing.assert_allclose(number.reshape(found[name].shape), found[name], atol=1e-12)
+
+
+def test_any_name_fits_into_the_module():
+    name = 'a """ \\x "b'
+    described = lw.Robot("pendulum").mechanism.model_copy(update={"name": name})
+    made: dict = {}
+    exec(compile(lw.export.sympy(lw.Robot(described)).source(), "made", "exec"), made)
+    assert made["__doc__"].startswith(f"{name}: equations")
 
 
 def test_refusals(monkeypatch):

@@ -11,6 +11,7 @@ import sympy
 from linkwork.export.symbolic.forms import FormulaSheet
 
 WIDE = 85  # letters of a line, as they are counted without commands
+MARKS = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
 SEVERAL = 4  # terms that a fraction's numerator has before it is written beside the fraction
 OPENING = r"""\documentclass{article}
 \usepackage{amsmath}
@@ -145,8 +146,12 @@ def printed(forms: FormulaSheet, value: Any) -> str:
 
 
 def escaped(text: str) -> str:
-    """Return plain text as LaTeX."""
-    return re.sub(r"([_%&#$])", r"\\\1", text).replace("^2", "$^2$").replace("^", "\\^{}")
+    """Return plain text as LaTeX, powers of units raised."""
+
+    def mark(found: re.Match[str]) -> str:
+        return f"$^{found[1]}$" if found[1] else MARKS.get(found[0], f"\\{found[0]}")
+
+    return re.sub(r"\^(\d)|[\\~^_%&#${}]", mark, text)
 
 
 # As a Python module
@@ -155,7 +160,8 @@ def escaped(text: str) -> str:
 def module(forms: FormulaSheet) -> str:
     """Return the text of a Python module that makes the same expressions with SymPy."""
     # What it is, and its symbols.
-    head = f'"""{forms.name}: equations of motion in closed form, by the natural orthogonal '
+    name = forms.name.replace("\\", r"\\").replace('"', r"\"")
+    head = f'"""{name}: equations of motion in closed form, by the natural orthogonal '
     lines = [
         head + "complement.\n\n"
         "M v' + C v + G = S' u + f,   q' = L v,   phi(q) = 0,   Phi = d phi / d q\n\n"
