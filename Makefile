@@ -50,7 +50,7 @@ $(COMPILERS): $(READY) tests/export/compilers.sh  # compilers and processors for
 	touch $@
 
 $(TORCH): $(READY)  # PyTorch for processors alone from its own index, a tenth as large; where that is out of reach, the one of the package index
-	VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --torch-backend cpu --constraints requirements.lock torch==$(TORCH_VERSION) || \
+	VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --torch-backend cpu --constraints requirements.lock torch==$(TORCH_VERSION) 2>/dev/null || \
 	    VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --constraints requirements.lock torch==$(TORCH_VERSION)
 	touch $@
 
