@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import sys
 from functools import cache
 
@@ -325,3 +326,11 @@ def test_robots_that_cannot_are_refused_by_name(monkeypatch):
     monkeypatch.setattr(CompiledChart, "large", True)
     with pytest.raises(lw.LinkworkError, match="derivatives of 3-PRR take too long to compile"):
         linkwork.jax.model(lw.Robot("prr3"))
+
+
+def test_a_model_is_pickled_as_what_it_was_made_of():
+    model = linkwork.jax.model(lw.Robot("prr3"))
+    again = pickle.loads(pickle.dumps(model))
+    u = np.ones(3)
+    expected = model.forward_dynamics(model.q, model.v, u)
+    assert (again.forward_dynamics(model.q, model.v, u) == expected).all()

@@ -3,6 +3,7 @@ derivatives, and what they refuse."""
 
 from __future__ import annotations
 
+import pickle
 import sys
 
 import numpy as np
@@ -180,6 +181,21 @@ def test_singular_states_are_an_error_or_nan_of_their_own(robot):
     assert torch.isfinite(found[0]).all() and torch.isnan(found[1]).all()
     with pytest.raises(LinkworkError, match='singular is \'never\'; give "raise" or "nan"'):
         linkwork.torch.model(robot, singular="never")  # pyright: ignore
+
+
+def test_a_step_that_is_not_defined_has_no_gradient():
+    model = linkwork.torch.model(lw.Robot("four_bar"), singular="nan")
+    rates = torch.tensor([[0.1], [20.0]], dtype=torch.float64, requires_grad=True)
+    q, v = model.step(model.q, rates, torch.zeros(1), torch.tensor([1e-3, 0.2]))
+    assert torch.isfinite(q[0]).all() and torch.isnan(q[1]).all()
+    (slope,) = torch.autograd.grad(q.sum() + v.sum(), rates)
+    assert torch.isfinite(slope[0]).all() and torch.isnan(slope[1]).all()
+
+
+def test_a_model_is_pickled_as_what_it_was_made_of(model):
+    again = pickle.loads(pickle.dumps(model))
+    q, v, u = state_of(model)
+    assert torch.equal(again.forward_dynamics(q, v, u), model.forward_dynamics(q, v, u))
 
 
 def test_a_third_derivative_is_refused(model):

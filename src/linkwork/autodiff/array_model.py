@@ -45,7 +45,8 @@ class ArrayModel:
         notes: sentences on what acts otherwise than in a run
     """
 
-    def __init__(self, robot: Robot, chart: State | Sequence[str] | None):
+    def __init__(self, robot: Robot, chart: State | Sequence[str] | None, raises: bool):
+        self._made_of = robot, chart, raises
         self._offered = functions_of(robot, chart)
         self.name, self.independent = robot.mechanism.name, self._offered.equations.independent
         self.notes: tuple[str, ...] = self._offered.functions.notes
@@ -54,6 +55,9 @@ class ArrayModel:
         self.q: Array = self._doubles(state.q)
         self.v: Array = self._doubles(state.rates)
         self._doors: dict[str, Callable[..., Any]] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), self._made_of
 
     def __repr__(self) -> str:
         rates = ", ".join(self.independent)

@@ -25,7 +25,7 @@ class JaxModel(ArrayModel):
     differentiable in forward and reverse mode alike."""
 
     def __init__(self, robot: Robot, chart: State | Sequence[str] | None, raises: bool):
-        super().__init__(robot, chart)
+        super().__init__(robot, chart, raises)
         self._calls = Calls(self.name, self.independent, raises)
 
     def _rolled(self, q: Array, v: Array, u: Array, rest: list[Array]) -> tuple[Array, Array]:

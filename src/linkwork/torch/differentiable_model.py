@@ -30,7 +30,7 @@ class TorchModel(ArrayModel):
     """
 
     def __init__(self, robot: Robot, chart: State | Sequence[str] | None, raises: bool):
-        super().__init__(robot, chart)
+        super().__init__(robot, chart, raises)
         self._raises = raises
         for name in self.functions:
             setattr(self, name, self._in_graphs(name))
