@@ -26,7 +26,6 @@ from linkwork.analysis.measured_poses import PoseModel, model_of, readings_of
 from linkwork.checks import amount, shown
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.parameter_units import unit_of_parameter
-from linkwork.notebooks import Portrayed
 from linkwork.patience import announced
 from linkwork.robot import Robot, State
 
@@ -39,7 +38,7 @@ Measures = Literal["pose", "position", "nothing"]
 
 
 @dataclass(frozen=True, eq=False)
-class Observability(Portrayed):
+class Observability:
     """Hold which combinations of the free numbers are seen.
 
     numbers: paths (np); sizes: their own units (np): the robot's length, 1 rad

@@ -32,7 +32,6 @@ from linkwork.checks import amount, finite, shown
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.parameter_units import with_unit
-from linkwork.notebooks import Portrayed
 from linkwork.patience import announced
 from linkwork.robot import Robot
 
@@ -42,7 +41,7 @@ SHOWN, WIDE = 16, 88
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration(Portrayed):
+class Calibration:
     """Hold calibrated numbers.
 
     robot: with the values that were found
