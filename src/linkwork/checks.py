@@ -100,6 +100,17 @@ def writing(path: Path) -> Iterator[None]:
         ) from None
 
 
+@contextmanager
+def writing_to(place: Path, other: str) -> Iterator[None]:
+    """Refuse where a file or folder that was asked for by name cannot be written; other: what to
+    give in its place."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise LinkworkError(f"{place} cannot be written ({why}); give another {other}") from None
+
+
 def imported(module: str, missing: str) -> Any:
     """Return a module that may not be installed; refuse in this sentence where it is missing."""
     try:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from linkwork import formats
+from linkwork.checks import writing_to
 from linkwork.cli.catalogue import built, find, refuse_existing, tell_written
 from linkwork.cli.caveats import tell
 from linkwork.cli.source import Source
@@ -183,12 +184,8 @@ def export_equations(asked: Export, ending: str) -> None:
 
 def written(file: Path, text: str) -> None:
     """Write a text file."""
-    try:
+    with writing_to(file, "name"):
         file.write_text(text, encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise LinkworkError(
-            f"{file} cannot be written ({error.strerror or error}); give another name"
-        ) from None
 
 
 def freed(asked: Export) -> Robot:

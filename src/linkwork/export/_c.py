@@ -49,14 +49,10 @@ class CExport:
             LinkworkError: a folder that cannot be written.
         """
         place = checks.file_path(folder, "the folder")
-        try:
+        with checks.writing_to(place, "folder"):
             for name, text in self.files.items():
                 (place / name).parent.mkdir(parents=True, exist_ok=True)
                 (place / name).write_text(text, encoding="utf-8", newline="\n")
-        except OSError as error:
-            raise LinkworkError(
-                f"{place} cannot be written ({error.strerror or error}); give another folder"
-            ) from None
         return [place / name for name in self.files]
 
     def __repr__(self) -> str:

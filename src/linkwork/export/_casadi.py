@@ -142,14 +142,11 @@ class CasadiFunctions(Mapping[str, ca.Function]):
         place = checks.file_path(path, "the path to save to")
         wanted = [self[name] for name in (self if names is None else checks.names(names, "names"))]
         told = {each: getattr(self, each) for each in ("name", "arrays", "parameters", "notes")}
-        try:
+        with checks.writing_to(place, "path"):
             place.open("wb").close()
             file = ca.FileSerializer(str(place))
             file.pack(wanted)
             file.pack(json.dumps(told))
-        except (OSError, RuntimeError) as error:
-            why = getattr(error, "strerror", None) or error
-            raise LinkworkError(f"{place} cannot be written ({why}); give another path") from None
         return place
 
     def __repr__(self) -> str:

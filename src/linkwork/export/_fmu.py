@@ -65,12 +65,8 @@ class FmuExport:
         place = checks.file_path(file, "the file")
         if place.suffix.lower() != ".fmu":
             raise LinkworkError(f"{place}: an FMU ends in .fmu, not {place.suffix!r}")
-        try:
+        with checks.writing_to(place, "file"):
             place.write_bytes(self.content)
-        except OSError as error:
-            raise LinkworkError(
-                f"{place} cannot be written ({error.strerror or error}); give another file"
-            ) from None
         return place
 
     def __repr__(self) -> str:
