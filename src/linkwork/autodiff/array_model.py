@@ -45,8 +45,10 @@ class ArrayModel:
         notes: sentences on what acts otherwise than in a run
     """
 
-    def __init__(self, robot: Robot, chart: State | Sequence[str] | None, raises: bool):
-        self._made_of = robot, chart, raises
+    def __init__(self, robot: Robot, chart: State | Sequence[str] | None, singular: str):
+        if singular not in ("raise", "nan"):
+            raise LinkworkError(f'singular is {shown(singular)}; give "raise" or "nan"')
+        self._made_of, self._raises = (robot, chart, singular), singular == "raise"
         self._offered = functions_of(robot, chart)
         self.name, self.independent = robot.mechanism.name, self._offered.equations.independent
         self.notes: tuple[str, ...] = self._offered.functions.notes

@@ -16,8 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
-from linkwork.checks import imported, shown
-from linkwork.errors import LinkworkError
+from linkwork.checks import imported
 from linkwork.model.state import State
 from linkwork.robot import Robot
 
@@ -57,6 +56,4 @@ def model(
     from linkwork.jax.precision import require_doubles
 
     require_doubles()
-    if singular not in ("raise", "nan"):
-        raise LinkworkError(f'singular is {shown(singular)}; give "raise" or "nan"')
-    return JaxModel(robot, chart, singular == "raise")
+    return JaxModel(robot, chart, singular)

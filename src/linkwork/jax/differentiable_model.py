@@ -24,9 +24,9 @@ class JaxModel(ArrayModel):
     """Hold a robot's functions of JAX arrays, as an `ArrayModel` does; they are called by XLA, and
     differentiable in forward and reverse mode alike."""
 
-    def __init__(self, robot: Robot, chart: State | Sequence[str] | None, raises: bool):
-        super().__init__(robot, chart, raises)
-        self._calls = Calls(self.name, self.independent, raises)
+    def __init__(self, robot: Robot, chart: State | Sequence[str] | None, singular: str):
+        super().__init__(robot, chart, singular)
+        self._calls = Calls(self.name, self.independent, self._raises)
 
     def _rolled(self, q: Array, v: Array, u: Array, rest: list[Array]) -> tuple[Array, Array]:
         """Return the states of a rollout; in reverse mode each step is done again on the way back,

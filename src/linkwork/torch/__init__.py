@@ -14,8 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
-from linkwork.checks import imported, shown
-from linkwork.errors import LinkworkError
+from linkwork.checks import imported
 from linkwork.model.state import State
 from linkwork.robot import Robot
 
@@ -51,8 +50,6 @@ def model(
             motion; a mechanism whose derivatives take too long to compile.
     """
     imported("torch", "PyTorch is not installed; pip install 'linkwork[torch]'")
-    if singular not in ("raise", "nan"):
-        raise LinkworkError(f'singular is {shown(singular)}; give "raise" or "nan"')
     from linkwork.torch.differentiable_model import TorchModel
 
-    return TorchModel(robot, chart, singular == "raise")
+    return TorchModel(robot, chart, singular)

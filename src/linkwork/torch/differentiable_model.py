@@ -29,9 +29,8 @@ class TorchModel(ArrayModel):
     all functions.
     """
 
-    def __init__(self, robot: Robot, chart: State | Sequence[str] | None, raises: bool):
-        super().__init__(robot, chart, raises)
-        self._raises = raises
+    def __init__(self, robot: Robot, chart: State | Sequence[str] | None, singular: str):
+        super().__init__(robot, chart, singular)
         for name in self.functions:
             setattr(self, name, self._in_graphs(name))
 

@@ -117,8 +117,10 @@ def watching(offered: Offered, guard: Guard) -> Callable[..., Tensor]:
         return torch.from_numpy(guard.stepped(after, wrong))
 
     def backward(ctx: Any, dy: Tensor) -> tuple[Tensor | None, ...]:
-        refused = torch.isnan(watched(*ctx.saved_tensors))
-        return (torch.where(refused, torch.nan, dy), *[None] * (len(ctx.saved_tensors) - 1))
+        if not guard.raises:
+            refused = torch.isnan(watched(*ctx.saved_tensors))
+            dy = torch.where(refused, torch.nan, dy)
+        return (dy, *[None] * (len(ctx.saved_tensors) - 1))
 
     names = ["y", "pivots", *(["p"] if offered.robot.p.size else [])]
     watched = made("watched", names, nq + equations.mobility, evaluate, backward)
