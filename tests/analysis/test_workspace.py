@@ -287,3 +287,14 @@ def test_two_legs_of_a_delta_turned_over_are_another_working_mode():
     # Above the base, too, and hardly anything is left out where the platform does not let go.
     assert 0.35 < reached.sum() / np.isfinite(both[..., 0]).all(axis=1).sum() < 0.6
     assert mapped.z.values[mapped.reachable.any(["x", "y"]).values].max() > 0.3
+
+
+def test_a_robot_keeps_its_jacobians_and_another_design_has_its_own():
+    reach = "tools.mass.frame.position.x"
+    robot = arm(1.0, 0.6).free(reach)
+    assert jacobians(robot) is jacobians(robot, robot.task)
+    longer = robot.with_parameters({reach: 0.9})
+    poses = plane(21, (-2.0, -2.0), (2.0, 2.0))
+    reached = [int(workspace(made, poses).reachable.sum()) for made in (robot, longer, robot)]
+    fresh = workspace(arm(1.0, 0.9), poses)
+    assert reached[0] == reached[2] != reached[1] == int(fresh.reachable.sum())

@@ -63,6 +63,11 @@ class Jacobians:
         """Names of the tool's coordinates: the components of x'."""
         return self.inverse.what
 
+    @cached_property
+    def rows(self) -> ca.Function:
+        """(q, p) -> Phi, J_x, J_q."""
+        return stacked_rows(self.robot, self.inverse.J, self.direct.J)
+
     @property
     def turning(self) -> np.ndarray:
         """Which components of x' are angular velocities (n), or rates of directions."""
@@ -123,7 +128,7 @@ class Jacobians:
 
 def jacobians(robot: Robot, what: tuple[str, ...] | None = None) -> Jacobians:
     """Return the input-output Jacobians of a robot that has as many actuators as freedoms, and a
-    tool.
+    tool; they are made once for each robot and task.
 
     Args:
         what: coordinates of the tool, as in `square.of_tool`; if left out those that it is led in
@@ -147,7 +152,11 @@ def jacobians(robot: Robot, what: tuple[str, ...] | None = None) -> Jacobians:
             f"the coordinates of the tool are {what!r}; give their names, or call what "
             "jacobians(robot) returns with state.q"
         )
-    return Jacobians(of_tool(robot, what, near=False), of_actuators(robot))
+    return robot.once(_of_systems, of_tool(robot, what, near=False), of_actuators(robot))
+
+
+def _of_systems(_: Robot, inverse: Square, direct: Square) -> Jacobians:
+    return Jacobians(inverse, direct)
 
 
 def of_actuators(robot: Robot) -> Square:
@@ -177,7 +186,7 @@ def input_output(
     """
     made = jacobians(robot, what)
     q = robot.own(state).q.reshape(-1, robot.equations.nq)
-    rows, n = stacked_rows(robot, made.inverse.J, made.direct.J), len(made.what)
+    rows, n = made.rows, len(made.what)
     A, B = np.zeros((len(q), n, n)), np.zeros((len(q), n, n))
     kept, widths = list(robot.equations.chart.rows), robot.equations.tree.rate_units
     loops, x_heights, q_heights = (

@@ -26,13 +26,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from math import prod
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.analysis._jacobians import Jacobians, jacobians
-from linkwork.analysis.grid_branches import FINEST, GridBranch, actuated, tells_all
+from linkwork.analysis.grid_branches import GridBranch, actuated, tells_all
 from linkwork.analysis.newton import CHUNK, Solver, in_threads, solver
 from linkwork.analysis.singular_values import singular_values
 from linkwork.equations.algebra import wrapped
@@ -179,8 +180,8 @@ def reach(
     # Signs do not tell all branches: what hangs together with the start is what is reached.
     branch = GridBranch(J, problem, mode)
     q, good = branch.begun(start, poses.values)
-    for finest in (COARSE, FINEST):
-        spread(poses, q, good, partial(branch.walked, finest=finest))
+    for step in (partial(branch.walked, finest=COARSE), branch.walked_where_met):
+        spread(poses, q, good, step)
     return q, good
 
 
@@ -202,15 +203,16 @@ def neighbours(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the targets that have a source beside them on the grid, and one such source for each
     (indices)."""
-    index, source = np.arange(sources.size).reshape(shape), np.full(shape, -1)
-    sources, targets = sources.reshape(shape), targets.reshape(shape)
-    for axis in range(len(shape)):
-        for here, there in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
-            to, of = ((*(slice(None),) * axis, part) for part in (here, there))
-            beside = targets[to] & sources[of]
-            source[to][beside] = index[of][beside]
+    some, source = np.flatnonzero(sources), np.full(sources.size, -1)
+    for axis, size in enumerate(shape):
+        stride = prod(shape[axis + 1 :])
+        place = some // stride % size
+        for side in (1, -1):
+            inside = some[(place + side >= 0) & (place + side < size)]
+            inside = inside[targets[inside + side * stride]]
+            source[inside + side * stride] = inside
     found = np.flatnonzero(source >= 0)
-    return found, source.ravel()[found]
+    return found, source[found]
 
 
 def bounds(

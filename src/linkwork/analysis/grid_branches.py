@@ -23,6 +23,7 @@ import numpy as np
 
 from linkwork.analysis._jacobians import Jacobians
 from linkwork.analysis.newton import Solver
+from linkwork.analysis.square import Square
 from linkwork.equations import functions
 from linkwork.equations.algebra import SX, wrapped
 from linkwork.equations.reference import unit
@@ -30,6 +31,7 @@ from linkwork.equations.tree import Tree
 from linkwork.kernels import Kernel, compile_function
 from linkwork.model import task
 from linkwork.model.asked import ToolAsked
+from linkwork.robot import Robot
 
 LEG = 3  # most rates of a stage of one leg, in the plane, too
 TIGHT, FLOOR = 0.25, 1e-7  # part of a step, and own units, by which the rule may be off
@@ -37,6 +39,7 @@ LONGEST = 0.3  # step, in own units
 ROUNDS, FINEST = 60, 1 / 256  # steps of a way, tried ones too, and the part of it that is shortest
 MEET = 0.01  # part of a determinant where a way begins that is none: branches meet
 STEPS = 6  # of Newton's method from where the rates lead
+DIRECT = 10  # of it over a whole way
 NEAREST = 16  # poses of a grid to which the straight ways from a guess are tried first
 
 
@@ -109,16 +112,10 @@ class GridBranch:
     def tree(self) -> Tree:
         return self.J.robot.equations.tree
 
-    @cached_property
+    @property
     def moving(self) -> Kernel:
         """(q, x') -> q' = W x', and the determinants of the stages."""
-        square, rates = self.J.inverse, SX.sym("rates", len(self.asked.held))
-        outputs = {
-            "q_dot": self.tree.derivatives(square.led(rates)),
-            "determinants": square.determinants,
-        }
-        function = functions.function("branch_rates", square.equations, outputs, rates=rates)
-        return compile_function(function).given(self.J.robot.p)
+        return self.J.robot.once(branch_rates, self.J.inverse)
 
     def begun(self, start: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return configurations (N, nq) at poses (N, n) to which straight ways lead from that of a
@@ -162,3 +159,24 @@ class GridBranch:
             length[going] = step[:, 0] * np.where(good, 4.0, 0.25)
             going = going[(part[going] < 1) & (length[going] > finest)]
         return q, part == 1
+
+    def walked_where_met(
+        self, q: np.ndarray, begin: np.ndarray, end: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return what `walked` does, of those ways alone from whose beginnings Newton's method
+        leads to a solution of the mode at their ends: most of the others leave what is reached."""
+        q, (_, good) = q.copy(), self.problem.solve(q, end, DIRECT, self.mode)
+        some = np.flatnonzero(good)
+        q[some], good[some] = self.walked(q[some], begin[some], end[some])
+        return q, good
+
+
+def branch_rates(robot: Robot, square: Square) -> Kernel:
+    """Return (q, x') -> q' = W x', and the determinants of the stages, of a square system."""
+    rates = SX.sym("rates", len(square.what))
+    outputs = {
+        "q_dot": robot.equations.tree.derivatives(square.led(rates)),
+        "determinants": square.determinants,
+    }
+    function = functions.function("branch_rates", robot.equations, outputs, rates=rates)
+    return compile_function(function).given(robot.p)

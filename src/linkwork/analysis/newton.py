@@ -24,6 +24,7 @@ from linkwork.equations import functions
 from linkwork.kernels import Kernel, compile_function
 from linkwork.model import dexterity
 from linkwork.model.closing import closed, of_any_length
+from linkwork.robot import Robot
 from linkwork.threads import usable_processors
 
 CHUNK = 4096
@@ -122,7 +123,11 @@ class Solver:
 
 
 def solver(square: Square) -> Solver:
-    """Return the solver of a square system."""
+    """Return the solver of a square system that its robot keeps."""
+    return square.robot.once(_solver, square)
+
+
+def _solver(_: Robot, square: Square) -> Solver:
     return Solver(square, extent(square))
 
 

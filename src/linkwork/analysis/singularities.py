@@ -28,7 +28,6 @@ Gosselin, ICRA 2002 (constraint singularities).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -177,9 +176,7 @@ def watched(robot: Robot, what: tuple[str, ...] | None) -> Watched:
     stated = task_if_any(robot, near=False)
     if what is not None or stated is not None:
         made = jacobians(robot, labels(stated or ()) if what is None else what)
-        return Watched(
-            robot, made.task, stacked_rows(robot, made.inverse.J, made.direct.J), *made.lengths()
-        )
+        return Watched(robot, made.task, made.rows, *made.lengths())
     whole, direct = POSES[robot.planar], of_actuators(robot)
     scale = np.where([name in POSE_ANGLES for name in whole], dexterity.extent(robot), 1.0)
     return Watched(
@@ -208,40 +205,33 @@ def index(A: np.ndarray, n: int, own: np.ndarray) -> float:
     return float(sigma[n - 1] / max(sigma[0], 1e-300)) * seen
 
 
-@dataclass(frozen=True, eq=False)
-class Distance:
-    """Evaluate determinants and their slopes along the tool's and the actuators' ways."""
+def determinant_slopes(robot: Robot, made: Jacobians) -> Kernel:
+    """Return q -> d det A / d x (n) along the tool, d det B / d q (n) along the actuators."""
+    tree = robot.equations.tree
+    slopes = [
+        ca.jtimes(vanishing.determinant, tree.q, tree.derivatives(moved.solution)).T
+        for vanishing, moved in ((made.direct, made.inverse), (made.inverse, made.direct))
+    ]
+    outputs = {"slope_A": slopes[0], "slope_B": slopes[1]}
+    function = functions.function("determinant_slopes", robot.equations, outputs)
+    return compile_function(function).given(robot.p)
 
-    made: Jacobians
 
-    @cached_property
-    def kernel(self) -> Kernel:
-        """q -> d det A / d x (n) along the tool, d det B / d q (n) along the actuators."""
-        made, equations = self.made, self.made.robot.equations
-        tree = equations.tree
-        slopes = [
-            ca.jtimes(vanishing.determinant, tree.q, tree.derivatives(moved.solution)).T
-            for vanishing, moved in ((made.direct, made.inverse), (made.inverse, made.direct))
-        ]
-        outputs = {"slope_A": slopes[0], "slope_B": slopes[1]}
-        function = functions.function("determinant_slopes", equations, outputs)
-        return compile_function(function).given(made.robot.p)
-
-    def __call__(self, q: np.ndarray, length: float | None) -> dict[str, np.ndarray]:
-        """Return det_A, det_B, conditioning, tool_distance and actuator_distance of configurations
-        (N, nq)."""
-        K, _, det_B, det_A = self.made(q)
-        sigma = singular_values(self.made.homogeneous(K, length))
-        slope_A, slope_B = self.kernel(q)
-        x_scale, q_scale = self.made.lengths(length)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return {
-                "det_A": det_A,
-                "det_B": det_B,
-                "conditioning": sigma[:, -1] / sigma[:, 0],
-                "tool_distance": np.abs(det_A) / np.linalg.norm(slope_A / x_scale, axis=1),
-                "actuator_distance": np.abs(det_B) / np.linalg.norm(slope_B / q_scale, axis=1),
-            }
+def distances(made: Jacobians, q: np.ndarray, length: float | None) -> dict[str, np.ndarray]:
+    """Return det_A, det_B, conditioning, tool_distance and actuator_distance of configurations
+    (N, nq)."""
+    K, _, det_B, det_A = made(q)
+    sigma = singular_values(made.homogeneous(K, length))
+    slope_A, slope_B = made.robot.once(determinant_slopes, made)(q)
+    x_scale, q_scale = made.lengths(length)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return {
+            "det_A": det_A,
+            "det_B": det_B,
+            "conditioning": sigma[:, -1] / sigma[:, 0],
+            "tool_distance": np.abs(det_A) / np.linalg.norm(slope_A / x_scale, axis=1),
+            "actuator_distance": np.abs(det_B) / np.linalg.norm(slope_B / q_scale, axis=1),
+        }
 
 
 def along(
@@ -268,7 +258,7 @@ def along(
     import xarray
 
     made, (axis, values, q) = jacobians(robot, what), samples(robot, motion)
-    found = Distance(made)(q, length)
+    found = distances(made, q, length)
     units = {"tool_distance": "m", "actuator_distance": made.robot.unit(made.direct.what[0])}
     variables = {
         name: ((axis,), part, {"units": units.get(name, "1")}) for name, part in found.items()

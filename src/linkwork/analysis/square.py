@@ -139,8 +139,8 @@ def product(factors: Sequence[ca.SX]) -> ca.SX:
 
 
 def of_joints(robot: Robot, names: Sequence[str]) -> Square:
-    """Return the system that asks for joint coordinates: the direct kinematics where they are the
-    actuated ones.
+    """Return the system that asks for joint coordinates, made once for each robot: the direct
+    kinematics where they are the actuated ones.
 
     Args:
         names: joint coordinates that have a rate of their own.
@@ -149,6 +149,10 @@ def of_joints(robot: Robot, names: Sequence[str]) -> Square:
         LinkworkError: names that are unknown or part of a quaternion; coordinates that do not
             determine the motion.
     """
+    return robot.once(_of_joints, tuple(names))
+
+
+def _of_joints(robot: Robot, names: tuple[str, ...]) -> Square:
     checks.known(names, robot.coordinates, "joint")
     for name in names:
         if name not in robot.rates:
@@ -157,11 +161,12 @@ def of_joints(robot: Robot, names: Sequence[str]) -> Square:
             )
     places = [robot.coordinates.index(name) for name in names]
     rows = joint_rows(robot.equations, names, robot.labels.angular[places].tolist())
-    return square(robot, tuple(names), rows, robot.labels.sizes[places])
+    return square(robot, names, rows, robot.labels.sizes[places])
 
 
 def of_tool(robot: Robot, what: Sequence[str] | None = None, near: bool = True) -> Square:
-    """Return the system that asks for task coordinates of the tool: the inverse kinematics.
+    """Return the system that asks for task coordinates of the tool, made once for each robot: the
+    inverse kinematics.
 
     Args:
         what: names of coordinates, of the tool's task or of any pose (`mechanism.task`); the task
@@ -172,7 +177,12 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None, near: bool = True) 
         LinkworkError: no tool; unknown names; coordinates that do not determine the motion.
     """
     robot.require_tool()
-    coordinates = task.task_of(robot, near) if what is None else task.known(robot, what)
+    return robot.once(
+        _of_tool, task.task_of(robot, near) if what is None else task.known(robot, what)
+    )
+
+
+def _of_tool(robot: Robot, coordinates: task.Task) -> Square:
     asked = ToolAsked(coordinates, robot.equations.tree.length, robot.planar)
     return square(robot, asked.labels, asked.expressed(robot.equations), asked.units, asked)
 
