@@ -57,3 +57,55 @@ def test_what_runs_is_not_told(parts, tmp_path):
         warnings.simplefilter("error", ModelWarning)
         robot = lw.Robot(load(path).mechanism)
     assert robot.simulate(robot.home, duration=0.01).success
+
+
+TWINS = '<joint name="second" axis="0 0 1"/><joint name="third" axis="0 0 1" pos="0 0 1"/>'
+GIMBAL = (
+    '<joint name="second" axis="0 0 1"/><joint name="third" axis="0 1 0"/>'
+    '<joint name="fourth" axis="0 0 1"/>'
+)
+APART = '<keyframe><key name="home" qpos="0 0 0.5 0"/></keyframe>'
+GEARED = '<equality><joint joint1="third" joint2="second" polycoef="0 2"/></equality>'
+LINK = '<body name="{}" pos="{}"><joint name="{}" axis="0 0 1"/>{}</body>'
+ARM = LINK.format("e", "0.1 0 0", "fifth", "")
+LOOP = LINK.format("c", "0.1 0 0", "third", "{}" + ARM) + LINK.format("d", "0.3 0 0", "fourth", "")
+PIN = '<equality><connect body1="e" body2="d" anchor="0.1 0.1 0"/></equality>'
+
+
+@pytest.mark.parametrize(
+    ("parts", "told"),
+    [
+        ({"joint": TWINS, "own": HEAVY}, "'second', 'third' can move together so that"),
+        (
+            {"joint": GIMBAL, "own": HEAVY},
+            "'second', 'fourth' can move together where the reference has them so that no mass "
+            "moves, .* or a reference in which their axes",
+        ),
+        (
+            {"further": LINK.format("c", "0.1 0 0", "third", ""), "more": GEARED},
+            "'second', 'third' can move together so that no mass moves",
+        ),
+        (
+            {"own": HEAVY, "further": LOOP.format(""), "more": PIN},
+            "'third', 'fifth', 'fourth' can move together so that no mass moves",
+        ),
+    ],
+)
+def test_joints_that_move_no_mass_together_are_told_together(parts, told, tmp_path):
+    with pytest.warns(ModelWarning, match=told):
+        robot = lw.Robot(load(written(tmp_path, **parts)).mechanism)
+    assert robot.simulate(robot.home, duration=0.01).status.name == "NON_FINITE"
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {"joint": GIMBAL, "own": HEAVY, "more": APART},
+        {"own": HEAVY, "further": LOOP.format(HEAVY), "more": PIN},
+    ],
+)
+def test_what_moves_mass_at_the_reference_is_not_told(parts, tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ModelWarning)
+        robot = lw.Robot(load(written(tmp_path, **parts)).mechanism)
+    assert robot.simulate(robot.home, duration=0.01).success

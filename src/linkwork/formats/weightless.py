@@ -1,115 +1,126 @@
 """Motions without mass: what a file lets move though nothing resists it, so that its acceleration
 is not determined.
 
-Bodies at the ends of open chains are looked at, one after the other towards the root. With the
-motions S of the joint behind it, where that is at zero, and the inertia I of the body, both about
-the joint, the motion that S' I S is singular for moves nothing. A body that is fixed to another one
-is part of it; what carries mass behind further joints is taken to resist.
+The generalised inertia at the reference, in the motions that loops and gears leave, is taken in
+units in which that of each rate is 1; a motion for which it is rounding moves nothing. Joints that
+only move so together are told together: of axes that coincide, or of one gear.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
-from linkwork.equations.algebra import skew
-from linkwork.equations.joints import motions_of
-from linkwork.formats import poses
-from linkwork.formats.masses import solid_of
+from linkwork.equations.reference import described
+from linkwork.formats.instant import Instant
 from linkwork.formats.notes import Notes
-from linkwork.mechanism import GROUND, Cable, Combination, Mechanism
-from linkwork.mechanism.joints import PairJoint
-from linkwork.solids.solid import Solid, together
+from linkwork.mechanism import Cable, Mechanism
+from linkwork.mechanism.joints import QUATERNION
 
-NOISE = 1e-13  # least eigenvalue of S' I S that is rounding, in units in which each motion's is 1
+NOISE = 1e-13  # least eigenvalue of M that is rounding, in units in which each rate's is 1
+DEPENDENT = 1e-9  # least singular value of rows of length 1 that is rounding
+PART = 1e-6  # least part of a joint in a motion [1]
 SHOWN = 4  # names in one sentence
+AWAY = 0.3  # how far coordinates are moved to see whether no mass moves there, too [rad, m]
 
 
 def tell(mechanism: Mechanism, place: str, notes: Notes) -> None:
     """Note the joints whose motion moves no mass."""
-    names = weightless(mechanism)
-    if names:
-        more = ", ..." if len(names) > SHOWN else ""
+    groups = weightless(mechanism)
+    alone = [names[0] for names in groups if len(names) == 1]
+    if alone:
         notes.say(
-            f"{place}: the motion of {', '.join(map(repr, names[:SHOWN]))}{more} moves no mass, "
-            "and forces give it no acceleration; give what it moves mass and inertia, or the "
-            "joint a rotor inertia",
+            f"{place}: the motion of {_listed(alone)} moves no mass, and forces give it no "
+            "acceleration; give what it moves mass and inertia, or the joint a rotor inertia",
+            alters=True,
+        )
+    together = [names for names in groups if len(names) > 1]
+    always = weightless(mechanism, AWAY) if together else []
+    for names in together:
+        where, more = "", ""
+        if names not in always:
+            where = " where the reference has them"
+            more = ", or a reference in which their axes lie otherwise"
+        notes.say(
+            f"{place}: {_listed(names)} can move together{where} so that no mass moves, and forces "
+            "give that motion no acceleration; give what they move mass and inertia, or the joints "
+            f"rotor inertias{more}",
             alters=True,
         )
 
 
-def weightless(mechanism: Mechanism) -> list[str]:
-    """Return the joints that end an open chain, or have nothing but massless bodies behind them,
-    and let move what has no inertia."""
-    # Joints by the body, and bodies that something beside them moves with.
-    joints = dict(mechanism.pairs)
-    uses = Counter(body for joint in joints.values() for body in joint.connects)
+def _listed(names: list[str]) -> str:
+    return ", ".join(map(repr, names[:SHOWN])) + (", ..." if len(names) > SHOWN else "")
+
+
+def weightless(mechanism: Mechanism, away: float = 0.0) -> list[list[str]]:
+    """Return the joints that let move what has no inertia, in groups that move together; away: how
+    far each coordinate is from the reference."""
+    instant = Instant.of(mechanism, _coordinates(mechanism, away))
+    if not instant.rates:
+        return []
+    M, C = instant.inertia() + _unknown(mechanism, instant), instant.held()
+    owners = np.array(instant.joints)
+    coupled = (M != 0) | ((C.T != 0) @ (C != 0)) | (owners[:, None] == owners)
+    order = {name: k for k, name in enumerate(mechanism.joints)}
+    found = []
+    for own in _parts(coupled):
+        rows = C[:, own]
+        Z = unresisted(M[np.ix_(own, own)], rows[rows.any(axis=1)])
+        if not Z.size:
+            continue
+        # How much each joint has of such a motion, and each two of one.
+        joints = np.unique(owners[own])
+        sums = (joints[:, None] == owners[own]).astype(float)
+        shares = sums @ (Z @ Z.T) ** 2 @ sums.T > PART**2
+        moved = np.flatnonzero(shares.diagonal())
+        for group in _parts(shares[np.ix_(moved, moved)]):
+            told = [name for name in joints[moved[group]].tolist() if name in order]
+            found += [sorted(told, key=order.__getitem__)] if told else []
+    return sorted(found, key=lambda names: order[names[0]])
+
+
+def unresisted(M: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """Return a basis of the motions  C w = 0,  w' M w = 0  in units in which M's diagonal is 1,
+    orthonormal (n, k)."""
+    size = np.sqrt(M.diagonal().clip(0))
+    size[size == 0] = size[size > 0].min(initial=np.inf) if size.any() else 1.0
+    N = np.eye(len(M))
+    if len(C):
+        C = C / size
+        _, s, Vt = np.linalg.svd(C / np.linalg.norm(C, axis=1, keepdims=True))
+        N = Vt[int((s > DEPENDENT).sum()) :].T
+    values, vectors = np.linalg.eigh(N.T @ (M / size / size[:, None]) @ N)
+    return N @ vectors[:, values < NOISE]
+
+
+def _parts(coupled: np.ndarray) -> list[np.ndarray]:
+    """Return the places of what is coupled, part by part."""
+    count, part = connected_components(csr_array(coupled), directed=False)
+    return [np.flatnonzero(part == k) for k in range(count)]
+
+
+def _coordinates(mechanism: Mechanism, away: float) -> dict[str, float]:
+    """Return the reference's joint coordinates, each but those of free turns moved so far by a step
+    of its own."""
+    values = described(mechanism)
+    steps = away * np.random.default_rng(1).uniform(0.5, 1.5, len(values))
+    for step, label in zip(steps, values, strict=True):
+        values[label] += 0.0 if label.rpartition(".")[2] in QUATERNION else float(step)
+    return values
+
+
+def _unknown(mechanism: Mechanism, instant: Instant) -> np.ndarray:
+    """Return an inertia of 1 for each body whose own a fluid or a cable adds to."""
     lines = mechanism.transmissions.values()
-    coupled = {label for gear in mechanism.gears.values() for label in gear.ratios}
-    coupled |= {
-        label
-        for line in lines
-        if isinstance(line, Combination) and line.inertia
-        for label in line.ratios
-    }
-    heavy = {drag.body for drag in mechanism.drags.values()}
-    heavy |= {
+    bodies = {drag.body for drag in mechanism.drags.values()}
+    bodies |= {
         body for line in lines if isinstance(line, Cable) and line.inertia for body in line.bodies
     }
-    solids = {name: solid_of(body) for name, body in mechanism.bodies.items()}
-    found: list[str] = []
-    while joints:
-        # Every joint that has an end of a chain behind it, once.
-        ends = [
-            (name, body)
-            for name, joint in joints.items()
-            for body in joint.connects
-            if body != GROUND and uses[body] == 1
-        ]
-        if not ends:
-            break
-        for name, body in ends:
-            joint = joints.pop(name, None)
-            if joint is None:
-                continue
-            uses.subtract(joint.connects)
-            near = next(other for other in joint.connects if other != body)
-            solid = solids[body]
-            free = not coupled & {*joint.rates(name), *joint.coordinates(name)}
-            moves = joint.freedoms and not any(own.rotor for own in joint.effects().values())
-            if free and moves and body not in heavy and _is_free(joint, body, solid):
-                found.append(name)
-            # What the next body towards the root carries of it.
-            if not joint.freedoms and near != GROUND:
-                X = _across(joint, near, body)
-                solids[near] = together([solids[near], solid.seen(X)])
-            elif solid.mass or solid.inertia.any():
-                heavy.add(near)
-            if body in heavy:
-                heavy.add(near)
-    return [name for name in mechanism.joints if name in found]
-
-
-def _across(joint: PairJoint, near: str, body: str) -> np.ndarray:
-    """Return the pose of a body in another one at zero of the joint between them."""
-    frames = dict(zip(joint.connects, map(poses.of_frame, joint.frames), strict=True))
-    return frames[near] @ poses.inverse(frames[body])
-
-
-def _is_free(joint: PairJoint, body: str, solid: Solid) -> bool:
-    """Tell whether a joint at zero lets a body move without inertia."""
-    own = solid.seen(poses.inverse(poses.of_frame(joint.frames[joint.connects.index(body)])))
-    c = skew(own.centre)
-    about = own.inertia - own.mass * c @ c
-    inertia = np.block([[about, own.mass * c], [-own.mass * c, own.mass * np.eye(3)]])
-    columns = []
-    for motion in motions_of(joint):
-        turns = np.eye(3) if motion.ball else [motion.turn]
-        columns += [np.concatenate([turn, motion.slide]) for turn in turns]
-    S = np.array(columns).T
-    M = S.T @ inertia @ S
-    size = np.sqrt(np.diag(M).clip(0))
-    if not size.all():
-        return True
-    return bool(np.linalg.eigvalsh(M / size / size[:, None])[0] < NOISE)
+    M = np.zeros((len(instant.rates),) * 2)
+    for body in sorted(bodies & {*mechanism.bodies}):
+        mover = instant.movers[body]
+        J = mover.twists(instant.at[body][0])
+        M[np.ix_(mover.places, mover.places)] += J @ J.T
+    return M
