@@ -26,6 +26,7 @@ from benchmarks import (
     kernel,
     ladder,
     learning,
+    legs,
     linkages,
     machine,
     others,
@@ -71,6 +72,7 @@ PAGES: Mapping[str, Sections] = {
     "analysis": {
         "modes": lambda _: analysis.modes(),
         "workspace": lambda _: analysis.maps(),
+        "legs": lambda _: legs.run(),
         "drag": lambda _: seeing.drag(),
         "report": lambda _: seeing.report(),
     },

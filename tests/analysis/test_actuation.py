@@ -210,6 +210,22 @@ def test_the_short_way_takes_vectors_as_they_are(model, moving):
                 model.joint_torques(state, given)
 
 
+def test_stacks_take_vectors_that_go_with_them(model, moving):
+    u = np.random.default_rng(8).normal(size=(12, 2))
+    wanted = [model.joint_torques(moving.at(k), u[k]) for k in range(12)]
+    assert model.joint_torques(moving, u) == pytest.approx(np.array(wanted), abs=1e-12)
+    assert model.joint_torques(moving, u.tolist()) == pytest.approx(np.array(wanted), abs=1e-12)
+    shared = [model.joint_torques(moving.at(k), u[0]) for k in range(12)]
+    assert model.joint_torques(moving, u[0]) == pytest.approx(np.array(shared), abs=1e-12)
+    many = [model.joint_torques(moving.at(0), each) for each in u]
+    assert model.joint_torques(moving.at(0), u) == pytest.approx(np.array(many), abs=1e-12)
+    assert model.jacobian(moving.at(slice(0, 0))).shape == (0, 2, 2)
+    u[5, 1] = np.nan
+    for wrong, said in ((u, r"\[5, 1\] is nan"), (u[:7], "batches .* do not fit")):
+        with pytest.raises(LinkworkError, match=said):
+            model.joint_torques(moving, wrong)
+
+
 def test_inertia_and_bias_at_the_motors_follow_from_those_at_the_joints(model, moving):
     J, turned = model.jacobian(moving), model.jacobian_rate(moving)
     w = model.joint_rates(moving, moving.rates)[..., None]
@@ -363,6 +379,9 @@ def test_at_a_dead_point_the_motor_holds_nothing():
     assert model.joint_torques(state, [1.0]) == pytest.approx([0.0], abs=1e-8)
     with pytest.raises(SingularError, match="motor do not hold knee in this pose"):
         model.motor_torques(state, [1.0])
+    both = model.robot.state([model.robot.home.positions, state.positions])
+    with pytest.raises(SingularError, match="motor do not hold knee in this pose"):
+        model.motor_torques(both, [1.0])
     other = analysis.actuation(knee(), ["motor"], ["knee"])
     with pytest.raises(SingularError, match="motor do not determine the motors knee here"):
         other.jacobian(state)

@@ -10,7 +10,18 @@ import linkwork as lw
 from linkwork.robots import prr3
 from linkwork.simulation import native_rosenbrock
 
-from benchmarks import analysis, control, learning, runs, scipy_runs, single, stepper, stiff, tasks
+from benchmarks import (
+    analysis,
+    control,
+    learning,
+    legs,
+    runs,
+    scipy_runs,
+    single,
+    stepper,
+    stiff,
+    tasks,
+)
 
 
 def values(figures):
@@ -169,6 +180,12 @@ def test_a_map_has_as_many_poses_as_it_says():
     section = analysis.maps(along=8, rounds=1)
     assert "512 poses" in section.figures[0].what
     assert 0.02 < section.raw["reached"] < 0.98
+
+
+def test_calls_of_legs_are_timed_one_by_one_and_in_stacks():
+    section = legs.run(states=16, rounds=1)
+    assert len(section.figures) == 20
+    assert all(figure.value > 0 for figure in section.figures)
 
 
 def test_a_drag_keeps_the_loops_closed():

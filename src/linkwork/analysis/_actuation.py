@@ -314,8 +314,9 @@ class ActuationModel:
 
     def _mapped(self, name: str, state: State, values: ArrayLike, side: Side) -> np.ndarray:
         """Return rates or torques (..., k) of the other side at states."""
-        what = "torques" if name.endswith("torques") else "rates"
-        return self.compiled.found(name, state, self._given(values, what, side))
+        given = self._given(values, "torques" if name.endswith("torques") else "rates", side)
+        found = self._quick(name)(state, given)
+        return self.compiled.found(name, state, given) if found is None else found
 
     def _inverse(self, state: State) -> np.ndarray:
         """Return J^-1 (..., k, k), refused where the motors do not hold the joints."""

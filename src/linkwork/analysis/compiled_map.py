@@ -1,8 +1,8 @@
 """The map between joints and motors, compiled: what each is at states, refused where it is not
 defined.
 
-One state takes the shortest way (`one_state`); what that doubts goes the way of stacks, which
-refuses.
+States take a short way (`short_way`), whose code watches over its results itself; what that doubts
+is looked at again here, and refused.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from linkwork import checks
 from linkwork.analysis import loop_map as maps
 from linkwork.analysis.loop_map import LoopMap
-from linkwork.analysis.one_state import Quick, one_state
+from linkwork.analysis.short_way import Quick, short_way
 from linkwork.equations import Equations
 from linkwork.kernels import Kernel
 from linkwork.model.charts import CompiledChart
@@ -51,14 +51,14 @@ class CompiledMap:
 
     @cached_property
     def quick(self) -> Callable[[str], Quick]:
-        """What gives one result at one state (and a vector), None where that is doubted."""
-        return lru_cache(maxsize=None)(lambda name: self._one_state(name, None))
+        """What gives one result at states (and vectors), None where that is doubted."""
+        return lru_cache(maxsize=None)(lambda name: self._short(name, None))
 
     @cached_property
     def of_state(self) -> Callable[[str], Quick]:
-        """The same at the rates of the state."""
+        """The same at the rates of the states."""
         home = self.robot.chart.equations
-        return lru_cache(maxsize=None)(lambda name: self._one_state(name, home))
+        return lru_cache(maxsize=None)(lambda name: self._short(name, home))
 
     def found(self, name: str, state: State, given: np.ndarray | None = None) -> np.ndarray:
         """Return what is asked for (..., size) at states, refused where it is not defined.
@@ -100,12 +100,12 @@ class CompiledMap:
             lambda name: self._compiled(name, lambda: maps.function(self.expressions, name))
         )
 
-    def _one_state(self, name: str, rates: Equations | None) -> Quick:
-        what = f"{name} at one state" + (f" in {rates.independent}" if rates else "")
+    def _short(self, name: str, rates: Equations | None) -> Quick:
+        what = f"{name}, watched" + (f", in {rates.independent}" if rates else "")
         kernel = self._compiled(what, lambda: maps.watched(self.expressions, name, rates))
         size = len(self.joints)
         shape = (size, size) if name in maps.MATRICES else (size,)
-        return one_state(kernel, self.robot, shape, self._least(name), of_state=rates is not None)
+        return short_way(kernel, self.robot, shape, self._least(name), of_state=rates is not None)
 
     def _compiled(self, what: str, make: Callable[[], ca.Function]) -> Kernel:
         return self.chart.compiled(f"{what} of {self.motors} by {self.joints}", lambda _: make())

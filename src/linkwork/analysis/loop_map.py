@@ -18,6 +18,7 @@ from linkwork.equations.algebra import SX
 from linkwork.equations.elimination import solve, weakest
 from linkwork.equations.joint_map import derivative
 from linkwork.mechanism.bearing import require_no_bearings
+from linkwork.model.checks import PIVOT_BOUND
 
 OUTPUTS = (
     "jacobian",
@@ -130,12 +131,29 @@ class LoopMap:
     @cached_property
     def h(self) -> ca.SX:
         """The torques at the joints (k) that rates v, weight, springs and friction need."""
+        return self.needed(SX.zeros(self.equations.mobility))
+
+    def needed(self, accelerations: ca.SX) -> ca.SX:
+        """Return the torques at the joints (k) that accelerations of the independent rates v take,
+        by one pass through the tree."""
         require_no_bearings(
             self.equations.mechanism.joints,
             "a bias without accelerations has not",
             "take the map of the mechanism without bearings",
         )
-        return self.equations.bias_forces(self.equations.gravity)[self.places]
+        L, b, _ = self.equations.elimination
+        w_dot = ca.mtimes(L, accelerations) + b
+        return ca.mtimes(
+            L[:, self.places].T, self.equations.tree_forces(w_dot, self.equations.gravity)
+        )
+
+    @property
+    def drift(self) -> ca.SX:
+        """J' w (k): the motors' accelerations at rates v without accelerations of these."""
+        equations = self.equations
+        rows, rates = equations.joints.rate_rows(self.motors), equations.rates
+        turning = ca.mtimes(derivative(rows, equations.tree, rates), rates)
+        return ca.mtimes(rows, equations.elimination.b) + turning
 
     def result(self, name: str) -> tuple[ca.SX, ca.SX | None]:
         """Return what OUTPUTS name, matrices transposed, and the symbols that it is of beside q."""
@@ -160,10 +178,9 @@ class LoopMap:
     def _bias(self, name: str) -> ca.SX:
         if name == "joint_bias":
             return self.h
-        given, rate = self.turning
-        w, inverse = self.equations.v[self.places], self.inverse[0]
-        turned = ca.mtimes(ca.substitute(rate, given, w), w)
-        return ca.mtimes(inverse.T, self.h - ca.mtimes(ca.mtimes(self.M, inverse), turned))
+        accelerations = SX.zeros(self.equations.mobility)
+        accelerations[self.places] = -ca.mtimes(self.inverse[0], self.drift)
+        return ca.mtimes(self.inverse[0].T, self.needed(accelerations))
 
 
 def function(of: LoopMap, name: str) -> ca.Function:
@@ -181,8 +198,8 @@ def function(of: LoopMap, name: str) -> ca.Function:
 
 
 def watched(of: LoopMap, name: str, rates: Equations | None = None) -> ca.Function:
-    """Return `function` with the pivot's magnitude and, last, a sum that is finite where the result
-    is.
+    """Return a function of q, what else it takes, the least determinant and p: what is asked for,
+    and whether it is sound: apart from singular poses, and finite.
 
     rates: where the result is to be of all independent rates, in equations of the same tree
     """
@@ -196,10 +213,9 @@ def watched(of: LoopMap, name: str, rates: Equations | None = None) -> ca.Functi
             pivot = ca.fmin(pivot, ca.fabs(rates.elimination.pivot))
         result = ca.substitute(result, given, v if name in BY_RATES else v[of.places])
         inputs = {"v": rates.v}
-    outputs = {
-        name: result,
-        "pivot": pivot,
-        "determinant": of.inverse[1] if name in INVERTED else SX(1),
-        "sum": ca.sum1(ca.vec(ca.densify(result))),
-    }
-    return functions.function(name, equations, outputs, **inputs)
+    least, total = SX.sym("least"), ca.sum1(ca.vec(ca.densify(result)))
+    sound = ca.logic_and(pivot > PIVOT_BOUND, ca.fabs(total) < np.inf)
+    if name in INVERTED:
+        sound = ca.logic_and(sound, of.inverse[1] > least)
+    outputs = {name: result, "sound": sound}
+    return functions.function(name, equations, outputs, **inputs, least=least)
