@@ -40,7 +40,44 @@ def pushed(force):
     return force * DURATION**2 / (2 * 2.0)
 
 
-def test_a_function_is_traced_in_every_run(robot, traces):
+def test_a_function_is_traced_once_for_all_that_it_reads(robot, traces):
+    def led(force):
+        return lambda t, state: [force * state.parameter("factor", 1.0)]
+
+    assert np.isclose(reached(robot, led(1.0)), pushed(1.0), 1e-9)
+    assert np.isclose(reached(robot, led(1.0), parameters={"factor": 2.0}), pushed(2.0), 1e-9)
+    assert len(traces) == 1
+    assert np.isclose(reached(robot, led(3.0)), pushed(3.0), 1e-9)
+    assert len(traces) == 2
+
+
+def test_a_loss_is_traced_once(robot, traces):
+    for bound in (0.0, 0.0, 1.0):
+        found = robot.gradient(
+            lambda t, state, bound=bound: (state["slide"] - bound) ** 2,
+            robot.home, [1.0], duration=DURATION,
+        )  # fmt: skip
+        assert found.value == pytest.approx((DURATION**2 / 4 - bound) ** 2, rel=1e-9)
+    assert len(traces) == 2
+
+
+class Law:
+    """A law with a gain of its own, which changes unseen."""
+
+    force = 1.0
+
+    def act(self, t, state):
+        return [self.force]
+
+
+def test_what_changes_unseen_is_traced_in_every_run(robot, traces):
+    law = Law()
+    for law.force in (1.0, 3.0):
+        assert np.isclose(reached(robot, law.act), pushed(law.force), 1e-9)
+    assert len(traces) == 2
+
+
+def test_what_a_function_captured_may_change(robot, traces):
     captured = [1.0]
 
     def law(t, state):

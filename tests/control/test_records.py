@@ -7,6 +7,7 @@ import importlib
 import inspect
 import pkgutil
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import ClassVar, get_type_hints
 
 import pytest
@@ -24,10 +25,12 @@ from linkwork.control import (
     Sampler,
     Saturated,
 )
+from linkwork.control.captured import Open
 from linkwork.control.controllers import Controller, Form
 from linkwork.control.described_drives import drive
+from linkwork.control.kept_traces import value
 from linkwork.control.plant import Plant
-from linkwork.control.records import described, number, settled
+from linkwork.control.records import described, number
 from linkwork.mechanism import MechanismError
 from linkwork.mechanism.record import Positive
 from linkwork.sweeps.controllers import RECORDS, record
@@ -112,14 +115,15 @@ def test_ready_parts_are_settled_and_those_of_the_users_own_are_not():
             return command / 2, ()
 
     law, own = PD({"slide": 0.2}, 30.0, 2.0), Own({"slide": 0.2}, 30.0, 2.0)
-    assert settled((law, {"slide": Saturated(2.0)}, [control.Wrench("cart", [1.0, 0, 0])]))
-    assert settled(Sampler(law, compiled=True)) and settled(Sampler(lambda t, state: [1.0]))
-    mine = [own, Halved(), {"slide": Halved()}, Sampler(own, compiled=True), lambda t, state: [1.0]]
-    mine += [
-        control.Wrench("cart", lambda t, state: [1.0, 0, 0]),
-        control.Event(lambda t, state: t),
-    ]
-    assert not any(map(settled, mine))
+    value([law, {"slide": Saturated(2.0)}, control.Wrench("cart", [1.0, 0, 0])])
+    value([Sampler(law, compiled=True), Sampler(lambda t, state: [1.0]), lambda t, state: [1.0]])
+    for mine in (own, Halved(), {"slide": Halved()}, Sampler(own, compiled=True)):
+        with pytest.raises(Open):
+            value(mine)
+    for made in (partial(control.Wrench, "cart"), control.Event):
+        value(made(lambda t, state: [1.0, 0, 0]))
+        with pytest.raises(Open):
+            value(made(own))
 
 
 def test_a_law_in_one_file_is_one_of_studies():

@@ -510,6 +510,48 @@ def test_an_event_that_touches_zero():
             refused("touches zero rather than passing it", run.sensitivity, "joint_rate")
 
 
+def test_parameters_of_losses_can_be_set():
+    """a x(T)^2 + int b x^2 dt, beside a controller that shares one of their parameters."""
+    robot = lw.Robot(CART)
+
+    def law(t, state):
+        return [-2.0 * state.parameter("w", 3.0) ** 2 * state["rail"]]
+
+    def loss(t, state):
+        return state.parameter("a", 1.0) * state["rail"] ** 2
+
+    def running(t, state):
+        return state.parameter("b", 1.0) * state.parameter("w", 3.0) * state["rail"] ** 2
+
+    def found(**parameters):
+        start = robot.home.with_rates([0.6])
+        given = {"duration": 0.4, "running": running, "parameters": parameters}
+        return robot.gradient(loss, start, law, **given)
+
+    plain, other = found(), found(a=3.0, b=0.5, w=2.0)
+    assert plain.value == pytest.approx(plain["a"] + plain["b"], rel=1e-12)
+    assert other.value == pytest.approx(3 * other["a"] + 0.5 * other["b"], rel=1e-12)
+    assert other.groups["parameters"] == ("w", "a", "b")
+    slope = derivative(lambda d: found(a=3.0, b=0.5, w=2.0 + d).value, h=1e-2)
+    assert other["w"] == pytest.approx(slope, rel=1e-6)
+    refused("no parameter 'c'", found, c=1.0)
+    refused("give them by name", robot.gradient, loss, robot.home, duration=0.1, parameters=3)
+
+
+def test_refusals_say_that_it_is_the_loss():
+    robot = lw.Robot(CART)
+    given = {"duration": 0.1}
+    refused("the loss is 3; give a function", robot.gradient, 3, robot.home, **given)
+    refused(
+        "the running loss returns 2 values", robot.gradient, None, robot.home, **given,
+        running=lambda t, state: [t, t],
+    )  # fmt: skip
+    refused(
+        "the loss cannot be traced", robot.gradient, lambda t, state: 1 if t > 0 else 2,
+        robot.home, **given,
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("value", [lambda x: np.nan, lambda x: math.log(x - 9)])
 def test_a_loss_that_is_not_finite_has_no_derivative(value):
     robot = lw.Robot("prr3")

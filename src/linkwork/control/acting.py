@@ -366,7 +366,7 @@ def part(tracer: Tracer, wrench: Wrench, values: Any) -> ca.SX:
 
 def watched(tracer: Tracer, event: Event) -> ca.SX:
     """Return the number whose zeros are an event."""
-    what = f"the event {event.name!r}"
+    what = event.what
     return tracer.trace(event.function, lambda value: column(value, ("value",), what), what)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from linkwork import math
-from linkwork.control.records import ActingPart, settled
+from linkwork.control.records import ActingPart
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.limits import limited
@@ -37,17 +37,17 @@ class Event(ActingPart):
     def __post_init__(self) -> None:
         if not callable(self.function):
             raise LinkworkError(
-                f"the event {self.name!r} watches a function of (t, state), not {self.function!r}"
+                f"{self.what} watches a function of (t, state), not {self.function!r}"
             )
         if self.direction not in (-1, 0, 1):
             raise LinkworkError(
-                f"the direction of the event {self.name!r} is {self.direction!r}; give -1, 0 or 1"
+                f"the direction of {self.what} is {self.direction!r}; give -1, 0 or 1"
             )
 
     @property
-    def settled(self) -> bool:
-        """Whether what it watches is."""
-        return settled(self.function)
+    def what(self) -> str:
+        """How sentences name it."""
+        return f"the event {self.name!r}"
 
 
 def limit_events(robot, terminal: bool = True) -> tuple[Event, ...]:

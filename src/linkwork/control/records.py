@@ -1,9 +1,9 @@
 """Records: the parts of what acts on a robot as frozen data; each number is described once, where
 it is held.
 
-Laws, drives, events and wrenches are such parts. Those of this package are data throughout: what
-was traced for one is taken again for equal numbers. A function, or a class, of the user's own may
-read what changes from run to run.
+Laws, drives, events and wrenches are such parts. Those of this package are data: what was traced
+for one is taken again for equal numbers. A class of the user's own may read what changes from run
+to run.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from linkwork.mechanism.record import Amount, Positive, Real
-from linkwork.simulation import Sampled, Signal
 
 PACKAGE = __name__.partition(".")[0]
 BOUNDS = ((Amount, ", not below 0"), (Positive, ", above 0"))
@@ -79,16 +78,5 @@ class ActingPart:
 
     @property
     def settled(self) -> bool:
-        """Whether it is data throughout: here, whether its class is one of this package."""
+        """Whether it is data: whether its class is one of this package."""
         return type(self).__module__.partition(".")[0] == PACKAGE
-
-
-def settled(part: Any) -> bool:
-    """Tell whether a part, or a value in one, holds no function and no class of the user's own."""
-    if isinstance(part, ActingPart):
-        return part.settled
-    if isinstance(part, Mapping):
-        return all(map(settled, part.values()))
-    if isinstance(part, list | tuple):
-        return all(map(settled, part))
-    return isinstance(part, Sampled | Signal) or not callable(part)

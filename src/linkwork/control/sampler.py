@@ -17,7 +17,7 @@ import numpy as np
 
 from linkwork import checks, math
 from linkwork.control.observation import Names, Observation, Quantity, Readings
-from linkwork.control.records import ActingPart, number, settled
+from linkwork.control.records import ActingPart, number
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.record import Amount, PathName, Positive
@@ -60,12 +60,6 @@ class Sampler(ActingPart):
             )
         for step in self._steps.values():
             checks.positive(step, "the step of a quantised coordinate", "m, rad")
-
-    @property
-    def settled(self) -> bool:
-        """Whether nothing that is traced is the user's own: a function that is not compiled is
-        called."""
-        return super().settled and (not self.compiled or settled(self.function))
 
     @property
     def period(self) -> float:

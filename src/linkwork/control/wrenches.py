@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork import checks
-from linkwork.control.records import ActingPart, settled
+from linkwork.control.records import ActingPart
 from linkwork.equations import Equations, body_motion
 from linkwork.equations.algebra import cross, vector
 from linkwork.equations.tree import near_offset, offset
@@ -50,11 +50,6 @@ class Wrench(ActingPart):
                 object.__setattr__(
                     self, part, three(value, f"the {part} of the wrench on {self.body!r}", unit)
                 )
-
-    @property
-    def settled(self) -> bool:
-        """Whether force and moment are numbers or signals."""
-        return super().settled and settled((self.force, self.moment))
 
     def in_ground(self, equations: Equations, wrench: ca.SX) -> ca.SX:
         """Return (moment, force) (6) in the ground's axes."""

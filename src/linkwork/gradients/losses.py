@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 
 from linkwork import checks
+from linkwork.checks import by_name
 from linkwork.control.events import Event
+from linkwork.control.kept_traces import acting_once
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
 from linkwork.gradients.numbers import GROUPS, Numbers
@@ -23,8 +25,22 @@ from linkwork.gradients.retraced import Retraced, retraced
 from linkwork.gradients.sensitivities import add, led_back, readings
 from linkwork.model.state import State
 from linkwork.runs.run_record import RunRecord
+from linkwork.runs.running import EXAMPLE, watched
 from linkwork.runs.system import Forces, System, system
 from linkwork.simulation import Run, Sampled, stack
+
+
+@dataclass(frozen=True, eq=False)
+class Loss(Event):
+    """A loss, told as the function of an event for which nobody watches."""
+
+    def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise LinkworkError(f"{self.what} is {self.function!r}; give a function of (t, state)")
+
+    @property
+    def what(self) -> str:
+        return self.name
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,15 +79,17 @@ def loss_gradient(
     options: Mapping[str, Any],
 ) -> LossGradient:
     """Return the gradient of a loss: `Robot.gradient`."""
-    given = [each for each in (loss, running) if each is not None]
+    losses = ((loss, "the loss"), (running, "the running loss"))
+    given = tuple(Loss(each, name=name) for each, name in losses if each is not None)
     if not given:
         raise LinkworkError(
             "there is no loss; give one, or a running one, as a function of (t, state)"
         )
+    options, own = divided(robot, state, forces, given, options)
     run: Run = robot.simulate(state, forces, **options)
     record = run.variables
     assert isinstance(record, RunRecord)
-    judged = with_losses(record, forces, given, options)
+    judged = with_losses(record, forces, given, options, own)
     count = len(record.system.events)
     of = retraced(run, False, judged, count + len(given) - 1 if running is not None else None)
     numbers = Numbers(of)
@@ -93,19 +111,44 @@ def loss_gradient(
     return LossGradient(value, run, names, found, numbers.groups, samples)
 
 
+def divided(
+    robot: Any, state: State, forces: Forces, losses: Sequence[Loss], options: Mapping[str, Any]
+) -> tuple[Mapping[str, Any], Mapping[str, float]]:
+    """Return the options of the run, and the values of parameters that losses alone have."""
+    named = options.get("parameters")
+    if not named:
+        return options, {}
+    named, span = by_name(named, "parameters", EXAMPLE), (0.0, options["duration"])
+    read = acting_once(robot.names, None, {}, (), tuple(losses), span).parameters
+    if not read.keys() & named.keys():
+        return options, {}
+    acting = system(
+        *(robot, forces, options.get("drives"), options.get("wrenches", ())),
+        *(watched(robot, options.get("events", ())), {}, span, True, state),
+    ).acting
+    assert acting is not None
+    own = {name: named[name] for name in named if name in read and name not in acting.parameters}
+    others = {name: value for name, value in named.items() if name not in own}
+    return {**options, "parameters": others}, own
+
+
 def with_losses(
-    record: RunRecord, forces: Forces, losses: Sequence[Law], options: Mapping[str, Any]
+    record: RunRecord,
+    forces: Forces,
+    losses: Sequence[Loss],
+    options: Mapping[str, Any],
+    parameters: Mapping[str, float],
 ) -> System:
     """Return a run's system that tells losses as event functions behind its own, for which it does
-    not watch."""
+    not watch; parameters: values of those that losses alone have."""
     own, robot = record.system, record.robot
     span = float(record.segments[0].start[0]), float(record.segments[-1].trajectory.end_time)
-    events = (*own.events, *(Event(each, name="loss") for each in losses))
-    parameters = (
-        dict(zip(own.acting.parameters, own.parameters.tolist(), strict=True)) if own.acting else {}
-    )
+    values = dict(parameters)
+    if own.acting:
+        values |= dict(zip(own.acting.parameters, own.parameters.tolist(), strict=True))
     drives, wrenches = options.get("drives"), options.get("wrenches", ())
-    found = system(robot, forces, drives, wrenches, events, parameters, span, True, record.start)
+    events = (*own.events, *losses)
+    found = system(robot, forces, drives, wrenches, events, values, span, True, record.start)
     followed = own.acting.followed if own.acting else ()
     assert found.acting is not None
     if found.acting.followed != followed:

@@ -1,0 +1,164 @@
+"""What a Python function reads: nothing that changed is ever taken from before, and what may change
+unseen is read anew each time."""
+
+import cmath
+import math as plain
+from functools import partial
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork import math
+from linkwork.control import PD
+from linkwork.control.captured import Open, told
+
+gain = 2.0
+weights = np.array([1.0, 2.0])
+library = plain
+
+
+def scaled(x):
+    return gain * x
+
+
+def law(t, state):
+    return [scaled(state["slide"]) + weights[0] * math.cos(t) + np.pi]
+
+
+def key(function):
+    return hash(told(function))
+
+
+def test_functions_made_again_are_the_same():
+    def made(by):
+        return lambda t, state, offset=1.0: [by * state["slide"] + offset]
+
+    assert told(made(2.0)) == told(made(2.0))
+    differing = [made(by) for by in (2.0, 2, True, 0.0, -0.0, "2", (2.0,), [2.0], np.float64(2))]
+    assert len({key(each) for each in differing}) == len(differing)
+    other = made(2.0)
+    other.__defaults__ = (1.5,)
+    assert told(other) != told(made(2.0))
+    assert key(partial(law, t=1.0)) != key(partial(law, t=2.0))
+
+
+@pytest.mark.parametrize("name, value", [("gain", 3.0), ("weights", np.array([1.0, 2.1]))])
+def test_globals_count_also_in_the_functions_that_are_called(monkeypatch, name, value):
+    before = key(law)
+    monkeypatch.setitem(globals(), name, value)
+    assert key(law) != before
+    monkeypatch.undo()
+    assert key(law) == before
+
+
+def test_arrays_that_change_in_place_count():
+    own = np.zeros(3)
+
+    def read(t, state):
+        return own
+
+    before = key(read)
+    own[1] = 1e-300
+    assert key(read) != before and told(own.reshape(1, 3)) != told(own)
+
+
+def test_attributes_of_modules_count(monkeypatch):
+    def read(t, state):
+        return [library.tau * state["slide"]]
+
+    before = key(read)
+    monkeypatch.setattr(plain, "tau", 6.0)
+    assert key(read) != before
+    monkeypatch.undo()
+    monkeypatch.setitem(globals(), "library", cmath)
+    assert key(read) == before  # it is the number that is read
+
+
+def test_functions_made_in_a_loop_read_what_the_loop_left():
+    late = [lambda t, state: [by] for by in range(3)]  # noqa: B023
+    early = [lambda t, state, by=by: [by] for by in range(3)]
+    assert len({key(each) for each in late}) == 1
+    assert len({key(each) for each in early}) == 3
+
+
+def test_inner_functions_and_comprehensions_count(monkeypatch):
+    def read(t, state):
+        def each(name):
+            return gain * state[name]
+
+        return [each(name) + sum(gain for _ in range(2)) for name in ("slide",)]
+
+    before = key(read)
+    monkeypatch.setitem(globals(), "gain", 3.0)
+    assert key(read) != before
+
+
+def test_functions_that_call_themselves_are_told():
+    def power(x, n):
+        return x * power(x, n - 1) if n else 1.0
+
+    assert key(power) == key(power)
+
+
+def test_parts_of_the_package_count_by_their_numbers():
+    gains = {"slide": 1.0}
+    pd = PD({"slide": 0.0}, gains, 1.0)
+    before = key(lambda t, state: pd(t, state))
+    gains["slide"] = 2.0
+    assert key(lambda t, state: pd(t, state)) != before
+
+
+class Counter:
+    gain = 1.0
+
+    def law(self, t, state):
+        return [self.gain]
+
+    def __call__(self, t, state):
+        return [self.gain]
+
+
+def importing(t, state):
+    from random import random
+
+    return [random()]
+
+
+def writing(t, state):
+    global gain
+    gain = 5.0
+    return [1.0]
+
+
+robot_of = lw.Robot
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        Counter(),
+        Counter().law,
+        importing,
+        writing,
+        lambda t, state: [Counter.gain],
+        lambda t, state: [np.random.normal()],  # noqa: NPY002
+        lambda t, state: [np.load("gains.npy")[0]],
+        lambda t, state: [float(open("gains").read())],  # noqa: SIM115
+        lambda t, state: print(t) or [1.0],
+        lambda t, state: [globals()["gain"]],
+        lambda t, state: [getattr(np, "pi")],  # noqa: B009
+        lambda t, state: [robot_of("prr3").mobility],
+        np.vectorize(scaled),
+        np.frompyfunc(scaled, 1, 1),
+    ],
+)
+def test_what_may_change_unseen_is_open(function):
+    with pytest.raises(Open):
+        told(function)
+
+
+def test_large_and_odd_arrays_are_open():
+    for array in (np.zeros(2**18), np.array([object()]), np.ma.array([1.0])):
+        with pytest.raises(Open):
+            told(array)
