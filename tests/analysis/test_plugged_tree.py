@@ -4,6 +4,7 @@ of the closed robots."""
 from __future__ import annotations
 
 import shutil
+import subprocess
 import sys
 from copy import copy
 from functools import cache
@@ -16,6 +17,7 @@ from linkwork import LinkworkError, analysis
 
 from tests.analysis.legs import ankle, floating_knee, knee, spinning_ankle
 from tests.catalogue import built
+from tests.processes import PATIENCE
 
 mujoco = pytest.importorskip("mujoco")
 from tests.analysis.plugged import Plugged  # noqa: E402
@@ -232,6 +234,18 @@ def test_what_the_compiler_says_is_told(tmp_path):
         compiled("int x = ;", tmp_path / "leg.so")
     with pytest.raises(LinkworkError, match="which is no folder"):
         compiled("int x;", tmp_path / "gone" / "leg.so")
+
+
+@needs_compiler
+def test_the_plug_in_is_plain_c_of_its_own(tmp_path):
+    """Strict C99 without a warning, which has nothing of CasADi's."""
+    from linkwork.analysis.mujoco_plugin import engine
+
+    _, tree = leg_of("ankle")
+    source, include = tree.write_plugin(tmp_path / "leg.c"), engine()[0]
+    assert "casadi" not in source.read_text()
+    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Wshadow", "-Werror", "-fsyntax-only"]
+    subprocess.run([*command, "-isystem", include, source], check=True, timeout=PATIENCE)
 
 
 @needs_compiler

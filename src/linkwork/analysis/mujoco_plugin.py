@@ -1,6 +1,7 @@
 """What makes a tree without loops move as the closed robot does, as a plug-in of MuJoCo in C.
 
-The equations are CasADi's C, what asks them stands in `templates/mujoco_plugin.c`.
+The equations are written by the writer of exported C, what asks them stands in
+`templates/mujoco_plugin.c`.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 
 from linkwork.analysis.tree_map import CLOSED, SHORTEST, STEPS, TreeMap
 from linkwork.errors import LinkworkError
+from linkwork.export.as_casadi import static_functions
 from linkwork.model.checks import PIVOT_BOUND
 
 PATIENCE = 600  # of the compiler [s]
@@ -28,15 +30,22 @@ PATIENCE = 600  # of the compiler [s]
 
 def name_of(of: TreeMap) -> str:
     """Return the plug-in's name, which tells trees apart: a process registers each name once."""
-    told = sha256((equations(of) + tables(of)).encode()).hexdigest()[:8]
+    return name_told(of, static_functions(of.functions))
+
+
+def name_told(of: TreeMap, equations: str) -> str:
+    """Return the name of the plug-in with equations in C."""
+    told = sha256((equations + tables(of)).encode()).hexdigest()[:8]
     return f"linkwork.{re.sub(r'[^A-Za-z0-9_]', '_', of.tree.mechanism.name)}.{told}"
 
 
 def source(of: TreeMap) -> str:
     """Return the plug-in as C."""
+    equations = static_functions(of.functions)
     template = files("linkwork.analysis").joinpath("templates/mujoco_plugin.c").read_text("utf-8")
     given = {
-        "name": name_of(of),
+        "name": name_told(of, equations),
+        "equations": equations,
         "tables": tables(of),
         "closed": repr(CLOSED),
         "steps": str(STEPS),
@@ -45,30 +54,18 @@ def source(of: TreeMap) -> str:
     }
     for key, value in given.items():
         template = template.replace(f"@{key}@", value)
-    return equations(of) + template
-
-
-def equations(of: TreeMap) -> str:
-    """Return the functions of a tree as C; they are seen in this file only."""
-    code = ca.CodeGenerator("linkwork_tree.c")
-    for function in of.functions:
-        code.add(function)
-    return code.dump()
+    return template
 
 
 def tables(of: TreeMap) -> str:
     """Return sizes and names as C."""
-    moves, names = of.tree.moves, of.functions
-    work = max(function.sz_w() for function in names)
-    indices = max(function.sz_iw() for function in names)
+    moves = of.tree.moves
     sizes = {
         "JOINTS": len(moves),
         "X": len(of.coordinates),
         "N": len(of.tree.names),
         "M": len(of.motors),
         "Q": of.equations.nq,
-        "WORK": work + 1,
-        "IWORK": indices + 1,
     }
     coupled = np.array(ca.DM(of.terms[0].sparsity(), 1)).astype(int)
     home = [*of.x_home, *of.tree.about.q.tolist()]

@@ -22,20 +22,12 @@ from linkwork.export.templates import filled
 from linkwork.kernels.program import trace
 from linkwork.kernels.simplify import simplify
 
-OPENING = (
-    '#include "LW_FILE.h"\n\n#include <math.h>\n#include <stdint.h>\n\ntypedef double lw_real;\n'
-)
 TYPES = "const double **arg, double **res, long long *iw, double *w, int mem"
 
 
 def as_casadi(functions: Sequence[ca.Function], name: str) -> tuple[str, str]:
     """Return source and header of functions that are all dense; name: of the files."""
-    dialect = Dialect()
-    code = [functions_text(simplify(trace(f)), f"lw_{f.name()}_code", dialect) for f in functions]
-    told = [part for f in functions for part in (called(f), *facts(f))]
-    body = "\n".join([*code, *told])
-    parts = [OPENING, filled("arithmetic.c", dialect)]
-    parts += [turn_text(dialect)] * ("lw_turn(" in body) + used(OWN, body)
+    body = "\n".join(part for f in functions for part in (called(f), *facts(f)))
     heads = [f"{match};" for match in re.findall(r"^(?!static)\w.*\)(?=\n\{)", body, re.MULTILINE)]
     guard = f"{identifier(name).upper()}_H"
     header = "\n".join(
@@ -46,8 +38,23 @@ def as_casadi(functions: Sequence[ca.Function], name: str) -> tuple[str, str]:
         ]
     )
     own = identifier(name)
-    text = "\n".join([*parts, body]).replace("LW_FILE", name)
+    opening = f'#include "{name}.h"\n\n#include <math.h>\n#include <stdint.h>\n'
+    text = "\n".join([opening, static_functions(functions), body])
     return re.sub(r"\blw_", f"{own}_", re.sub(r"\bLW_", f"{own.upper()}_", text)), header
+
+
+def static_functions(functions: Sequence[ca.Function]) -> str:
+    """Return static functions in double precision, and what they use; math.h and stdint.h go
+    before.
+
+    void lw_NAME_code(const lw_real *in0, ..., lw_real *out0, ...)
+    """
+    dialect = Dialect()
+    code = [functions_text(simplify(trace(f)), f"lw_{f.name()}_code", dialect) for f in functions]
+    body = "\n".join(code)
+    parts = ["typedef double lw_real;\n", filled("arithmetic.c", dialect)]
+    parts += [turn_text(dialect)] * ("lw_turn(" in body) + used(OWN, body)
+    return "\n".join([*parts, body])
 
 
 def called(f: ca.Function) -> str:

@@ -1,4 +1,3 @@
-
 /* A plug-in of MuJoCo: what the links that were cut away of a mechanism with loops do to the tree
    that is left. Compile it with MuJoCo's headers and link it to MuJoCo:
 
@@ -8,10 +7,12 @@
    and gives the motors' tendons the lengths and Jacobians of the loops. */
 
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 #include <mujoco/mujoco.h>
 
+@equations@
 @tables@
 
 #define CLOSED @closed@     /* gap of closed loops, in the mechanism's own units */
@@ -26,8 +27,6 @@ typedef struct {
   int known;                              /* whether it was left */
   double x[X], start[X], there[X], q[Q], tried[Q], next[Q], v[N];
   double inertia[N * N], bias[N], A[N * M + 1], length[M + 1], rate[M + 1];
-  double w[WORK];
-  casadi_int iw[IWORK];
 } Leg;
 
 static int failed(const char* what, const char* name) {
@@ -103,10 +102,8 @@ static void copy(mjData* to, const mjModel* m, const mjData* from, int instance)
 /* Close the loops from leg->tried on at its joints. */
 static int newton(Leg* leg) {
   double gap, pivot;
-  const double* in[] = {leg->tried};
-  double* out[] = {leg->next, &gap, &pivot};
   for (int k = 0; k < STEPS; k++) {
-    closing(in, out, leg->iw, leg->w, 0);
+    lw_closing_code(leg->tried, leg->next, &gap, &pivot);
     if (gap < CLOSED) return pivot > PIVOT;
     memcpy(leg->tried, leg->next, sizeof leg->tried);
   }
@@ -122,9 +119,7 @@ static int lead(Leg* leg, const mjtNum* from) {
     double to = way + step;
     for (int i = 0; i < X; i++)
       leg->there[i] = to < 1 ? leg->start[i] + to * (leg->x[i] - leg->start[i]) : leg->x[i];
-    const double* in[] = {leg->q, leg->there};
-    double* out[] = {leg->tried};
-    placed(in, out, leg->iw, leg->w, 0);
+    lw_placed_code(leg->q, leg->there, leg->tried);
     if (newton(leg)) {
       memcpy(leg->q, leg->tried, sizeof leg->q);
       way = to;
@@ -179,9 +174,7 @@ static void compute(const mjModel* m, mjData* d, int instance, int capability) {
   }
   memcpy(state, leg->x, sizeof leg->x);
   memcpy(state + X, leg->q, sizeof leg->q);
-  const double* in[] = {leg->q, leg->v};
-  double* out[] = {leg->inertia, leg->bias, leg->A, leg->length, leg->rate};
-  added(in, out, leg->iw, leg->w, 0);
+  lw_added_code(leg->q, leg->v, leg->inertia, leg->bias, leg->A, leg->length, leg->rate);
   add_inertia(m, d, leg);
   for (int i = 0; i < N; i++) d->qfrc_passive[leg->dof_at[i]] -= leg->bias[i];
   move_motors(m, d, leg);
