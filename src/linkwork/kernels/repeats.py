@@ -15,9 +15,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import compress, pairwise
 from struct import pack, unpack
 from typing import NamedTuple
+
+import numpy as np
 
 from linkwork.kernels.program import Operation
 
@@ -26,6 +28,8 @@ ARGUMENTS = frozenset(("input", "kept", "number", "const"))
 LONGEST = 250  # operations of a part: enough to be worth a call, few enough to recur
 SHORTEST = 48  # operations that are worth a call
 COMMON = 0.3  # share of the occurrences of a neighbour in which two come together
+NONE = -1  # the kind of two neighbours that are too long together
+CHANCE = 2654435761  # times a kind, modulo 2^32: which of two is as good as thrown by a die
 SAVING = 0.5  # of the operations that need not be compiled, from which on parts are called
 
 
@@ -59,10 +63,10 @@ def repeats(
 
     nodes: the program; positions: of the sequence; results: places in the output, by position
     """
+    if len(positions) < 2 * SHORTEST:
+        return [(tuple(positions), None)]
     kinds = Kinds()
-    stretches = single(nodes, positions, results, kinds)
-    while len(longer := joined(stretches, kinds)) < len(stretches):
-        stretches = longer
+    stretches = grown(single(nodes, positions, results, kinds), kinds)
     counts = Counter(stretch.kind for stretch in stretches)
     found: list[tuple[tuple[int, ...], int | None]] = []
     for start, size, kind, _ in stretches:
@@ -93,40 +97,58 @@ def single(
     return found
 
 
-def joined(stretches: Sequence[Recurrence], kinds: Kinds) -> list[Recurrence]:
-    """Return stretches of which neighbours that often come together are one."""
-    # What each one is together with the next, and how much speaks for it: how often, then chance.
-    together = [pair(*two, kinds) for two in pairwise(stretches)]
-    often, alone = Counter(together), Counter(stretch.kind for stretch in stretches)
-    weights = [(0, 0)] * len(stretches)
-    for i, kind in enumerate(together):
-        least = COMMON * min(alone[stretches[i].kind], alone[stretches[i + 1].kind])
-        if kind is not None and often[kind] > max(1, least):
-            weights[i] = often[kind], kind * 2654435761 % 2**32
-    # Taken from the left, but not where the next two have more that speaks for them.
-    found, i = [], 0
-    while i < len(stretches):
-        if weights[i] > (0, 0) and weights[i] >= weights[i + 1]:
-            found.append(merged(stretches[i], stretches[i + 1], together[i]))
-            i += 2
-        else:
-            found.append(stretches[i])
-            i += 1
-    return found
+def grown(stretches: list[Recurrence], kinds: Kinds) -> list[Recurrence]:
+    """Return stretches that those have become of which neighbours that often come together are
+    joined, until none do."""
+    alone = np.array([stretch.kind for stretch in stretches], int)
+    together = np.array([pair(*two, kinds) for two in pairwise(stretches)] + [NONE])
+    while (first := chosen(alone, together)).size:
+        for i in first.tolist():
+            stretches[i] = merged(stretches[i], stretches[i + 1], int(together[i]))
+        alone[first] = together[first]
+        # The second of each two is left out.
+        left = np.ones(len(stretches), bool)
+        left[first + 1] = False
+        stretches = list(compress(stretches, left.tolist()))
+        alone, together, first = alone[left], together[left], (np.cumsum(left) - 1)[first]
+        # What has become longer has other neighbours, and so have these.
+        together[-1] = NONE
+        last = len(stretches) - 1
+        for i in np.unique([first - 1, first]).tolist():
+            if 0 <= i < last:
+                together[i] = pair(stretches[i], stretches[i + 1], kinds)
+    return stretches
 
 
-def pair(first: Recurrence, second: Recurrence, kinds: Kinds) -> int | None:
-    """Return the kind of two neighbours together, None where they are too long."""
+def chosen(alone: np.ndarray, together: np.ndarray) -> np.ndarray:
+    """Return where two neighbours are to be joined: the places of the first ones.
+
+    alone: kinds of the stretches; together: that of each with the next, NONE where it has none
+    """
+    # How much speaks for each two: how often they come together, then chance.
+    counts = np.bincount(alone)[alone]
+    often = np.where(together == NONE, 0, np.bincount(together + 1)[together + 1])
+    least = COMMON * np.minimum(counts, np.append(counts[1:], 0))
+    weights = np.where(often > np.maximum(1, least), (often << 32) + together * CHANCE % 2**32, 0)
+    # Taken from the left, but not where the next two have more that speaks for them: every other
+    # place where several follow each other.
+    taken = (weights > 0) & (weights >= np.append(weights[1:], 0))
+    places = np.flatnonzero(taken)
+    begins = np.flatnonzero(taken & ~np.append(False, taken[:-1]))
+    return places[(places - begins[np.searchsorted(begins, places, "right") - 1]) % 2 == 0]
+
+
+def pair(first: Recurrence, second: Recurrence, kinds: Kinds) -> int:
+    """Return the kind of two neighbours together, NONE where they are too long."""
     if first.size + second.size > LONGEST:
-        return None
+        return NONE
     start = first.start
     links = [(k, j, place - start) for k, j, place in second.outside if place >= start]
     return kinds[first.kind, second.kind, tuple(links)]
 
 
-def merged(first: Recurrence, second: Recurrence, kind: int | None) -> Recurrence:
+def merged(first: Recurrence, second: Recurrence, kind: int) -> Recurrence:
     """Return two neighbours as one stretch."""
-    assert kind is not None
     still = [(k + first.size, j, at) for k, j, at in second.outside if at < first.start]
     return Recurrence(first.start, first.size + second.size, kind, (*first.outside, *still))
 
