@@ -73,7 +73,7 @@ class Acting:
         """Whether what is read depends on the choice of independent rates."""
         return any(quantity.kind in OF_CHARTS for quantity in self.quantities)
 
-    @property
+    @cached_property
     def held(self) -> int:
         """Number of inputs that are held by a sampled controller."""
         return self.function.numel_in("held")

@@ -14,7 +14,7 @@ with y'+ = 0 at the end. Source: Aizerman & Gantmacher 1958 (saltation).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -61,6 +61,12 @@ class LossSlopes:
     sample_held: np.ndarray
     sample_t: np.ndarray
     integral: float = 0.0
+
+    def add(self, numbers: np.ndarray, y: np.ndarray, held: np.ndarray, t: np.ndarray) -> None:
+        """Add derivatives with respect to samples."""
+        self.sample_y[numbers] += y
+        self.sample_held[numbers] += held
+        self.sample_t[numbers] += t
 
     def read(self, numbers: np.ndarray) -> None:
         """Add what samples of the present state tell."""
@@ -123,10 +129,25 @@ class Partials:
         """Add what derivatives with respect to the rows (K, rows) tell of signals and p; return
         what they tell of y (K, n), held inputs (K, nh), and times (K)."""
         y, r, p = (np.einsum("kr,kri->ki", bars, part) for part in (self.y, self.r, self.p))
-        signals, held = r[:, : self.columns], r[:, self.columns :]
+        return Pulled(y, r, p.sum(axis=0), self.inputs).against(slopes)
+
+
+class Pulled(NamedTuple):
+    """Hold derivatives of one number by y (K, n) and r (K, nr) at K instants, and by p (np)."""
+
+    y: np.ndarray
+    r: np.ndarray
+    p: np.ndarray
+    inputs: InputsAt
+
+    def against(self, slopes: LossSlopes) -> tuple[np.ndarray, ...]:
+        """Add what they tell of signals and p; return what they tell of y (K, n), held inputs
+        (K, nh), and times (K)."""
+        columns = self.inputs.rates.shape[1]
+        signals, held = self.r[:, :columns], self.r[:, columns:]
         self.inputs.against(slopes, signals)
-        slopes.p += p.sum(axis=0)
-        return y, held, np.einsum("kc,kc->k", signals, self.inputs.rates)
+        slopes.p += self.p
+        return self.y, held, (signals * self.inputs.rates).sum(axis=1)
 
 
 class RunLink:

@@ -9,20 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import isfinite
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from linkwork import checks
 from linkwork.checks import by_name
 from linkwork.control.events import Event
+from linkwork.control.joined import Joined
 from linkwork.control.kept_traces import acting_once
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
 from linkwork.gradients.numbers import GROUPS, Numbers
 from linkwork.gradients.retraced import Retraced, retraced
-from linkwork.gradients.sensitivities import add, led_back, readings
+from linkwork.gradients.sensitivities import led_back, pull
 from linkwork.model.state import State
 from linkwork.runs.run_record import RunRecord
 from linkwork.runs.running import EXAMPLE, watched
@@ -95,8 +98,8 @@ def loss_gradient(
     numbers = Numbers(of)
     names, slopes, value = numbers.chosen(None), numbers.slopes(), 0.0
     if loss is not None:
-        for own, partials in readings(of, "loss", lambda joined: joined.outputs["events"][count]):
-            add(slopes, own, partials, np.ones((1, 1)))
+        told = partial(judging, count)
+        pull(of, slopes, f"loss {count}", told, np.ones((len(of.samples.t), 1)))
         value += evaluated(of, count)
     found = led_back(of, numbers, slopes)
     samples = None
@@ -158,6 +161,11 @@ def with_losses(
             "and cosine, or let a controller or an event of the run read it too"
         )
     return replace(found, faults=own.faults)
+
+
+def judging(number: int, joined: Joined) -> ca.SX:
+    """Return an event function of what a run computes."""
+    return joined.outputs["events"][number]
 
 
 def evaluated(of: Retraced, number: int) -> float:

@@ -12,7 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from itertools import accumulate, chain
 
 import numpy as np
 
@@ -44,20 +45,17 @@ class Numbers:
     def groups(self) -> dict[str, tuple[str, ...]]:
         """The names of all numbers, by group."""
         system, robot = self.of.system, self.of.robot
-        independent = self.chart.independent
-        given = robot.actuators if self.commands else ()
-        return {
-            "positions": tuple(f"positions.{name}" for name in independent),
-            "rates": tuple(f"rates.{name}" for name in independent),
-            "states": tuple(f"states.{extra.name}" for extra in system.extras),
-            "forces": tuple(f"forces.{name}" for name in given),
-            "parameters": (*robot.parameters, *self.of.acting.parameters),
-        }
+        return grouped(
+            self.chart.independent,
+            tuple(extra.name for extra in system.extras),
+            robot.actuators if self.commands else (),
+            (*robot.parameters, *self.of.acting.parameters),
+        )
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The names of all numbers, in their order."""
-        names = tuple(name for group in GROUPS for name in self.groups[group])
+        names = tuple(chain.from_iterable(self.groups.values()))
         for name in self.of.acting.parameters:
             if name in GROUPS or names.count(name) > 1:
                 raise LinkworkError(
@@ -83,7 +81,8 @@ class Numbers:
             checks.known(asked, (*GROUPS, *self.names), "number to differentiate by")
             found = [own for name in asked for own in self.groups.get(name, (name,))]
             names = tuple(dict.fromkeys(found))
-        self.require_closed([name for name in names if name in self.of.robot.parameters])
+        if own := self.of.robot.parameters:
+            self.require_closed([name for name in names if name in own])
         return names
 
     @cached_property
@@ -97,10 +96,10 @@ class Numbers:
         dq = kernel.flat(q, chart.p).reshape(n + own, q.size).T
         # Rates in the chart that the run starts in.
         w = rates_jacobian(chart, q, v)[list(first.chart.equations.chart.independent)]
-        dv_q, dv_v, dv_p = np.split(w, [q.size, q.size + n], axis=1)
+        dv_q, dv_v, dv_p = w[:, : q.size], w[:, q.size : q.size + n], w[:, q.size + n :]
         # Columns: positions, rates, extra states, forces, own parameters, others.
         groups = self.groups
-        ends = np.cumsum([0, *(len(groups[group]) for group in GROUPS)])
+        ends = [*accumulate(map(len, groups.values()), initial=0)]
         found = np.zeros((q.size + n + len(system.states), ends[-1]))
         at = dict(zip(GROUPS, ends, strict=False))
         positions = slice(at["positions"], at["positions"] + n)
@@ -179,8 +178,26 @@ class Numbers:
     def gathered(self, slopes: LossSlopes) -> np.ndarray:
         """Return the derivative of a loss with respect to all numbers."""
         found = slopes.y @ self.begun
-        groups, ends = self.groups, np.cumsum([len(self.groups[group]) for group in GROUPS])
+        groups = self.groups
+        ends = [*accumulate(map(len, groups.values()))]
         found[ends[3] :] += slopes.p
         sums = slopes.signal[::4].sum(axis=0)
         found[ends[2] : ends[3]] += sums[list(self.commands)[: len(groups["forces"])]]
         return found
+
+
+@lru_cache(maxsize=256)
+def grouped(
+    independent: tuple[str, ...],
+    extras: tuple[str, ...],
+    actuators: tuple[str, ...],
+    parameters: tuple[str, ...],
+) -> dict[str, tuple[str, ...]]:
+    """Return the names of numbers, by group."""
+    return {
+        "positions": tuple(f"positions.{name}" for name in independent),
+        "rates": tuple(f"rates.{name}" for name in independent),
+        "states": tuple(f"states.{name}" for name in extras),
+        "forces": tuple(f"forces.{name}" for name in actuators),
+        "parameters": parameters,
+    }

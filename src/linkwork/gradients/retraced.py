@@ -23,6 +23,7 @@ from linkwork.gradients.links import (
     InputsAt,
     Partials,
     Passing,
+    Pulled,
     ReadOff,
     RunLink,
     Steps,
@@ -54,6 +55,10 @@ class Sampling(NamedTuple):
     t: np.ndarray
     y: np.ndarray
     u: np.ndarray
+
+    def of(self, numbers: np.ndarray) -> Sampling:
+        """Return some of the instants."""
+        return Sampling(*(part[numbers] for part in self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +110,8 @@ class Retraced:
         """Return the change to a chart at the end of a segment."""
         q, v = before.trajectory.q_end, before.trajectory.v_end[: self.robot.mobility]
         found = rates_jacobian(before.chart, q, v)[list(chart.equations.chart.independent)]
-        return ChartChange(*np.split(found, [q.size, q.size + v.size], axis=1))
+        end = q.size + v.size
+        return ChartChange(found[:, : q.size], found[:, q.size : end], found[:, end:])
 
     def inputs_at(self, t: np.ndarray, from_left: bool = False) -> InputsAt:
         """Return how the inputs over time depend on their coefficients at times (K)."""
@@ -124,17 +130,33 @@ class Retraced:
         from_left: bool = False,
     ) -> Partials:
         """Return the Jacobians of expressions at instants in a chart; name: theirs."""
-        joined, y, p = self.system.joined, states.y, self.system.p(chart)
+        joined, p = self.system.joined, self.system.p(chart)
         kernel = chart.compiled(
             f"{self.acting.key} {name} jacobian",
             lambda _: run_kernels.jacobian(joined(chart), of(joined(chart))),
         )
-        nq, n = chart.equations.nq, chart.equations.mobility
-        (flat,) = kernel(y[:, :nq], y[:, nq : nq + n], y[:, nq + n :], states.u, p)
-        ends = np.cumsum([y.shape[1], states.u.shape[1]])
-        rows = flat.reshape(len(y), -1, ends[-1] + p.size)
-        y, r, p = np.split(rows, ends, axis=2)
-        return Partials(y, r, p, self.inputs_at(states.t, from_left))
+        x, n = np.concatenate([states.y, states.u], axis=1), states.y.shape[1]
+        (flat,) = kernel(x, p)
+        rows, end = flat.reshape(len(x), -1, x.shape[1] + p.size), x.shape[1]
+        inputs = self.inputs_at(states.t, from_left)
+        return Partials(rows[:, :, :n], rows[:, :, n:end], rows[:, :, end:], inputs)
+
+    def pulled(
+        self, name: str, of: run_kernels.Expressions, own: np.ndarray, bars: np.ndarray
+    ) -> Pulled:
+        """Return the derivatives of a sum of bars (K, rows) times expressions at samples (K) of one
+        segment; name: theirs; own: numbers of the samples."""
+        states = self.samples.of(own)
+        chart, joined = self.segments[states.segment[0]].chart, self.system.joined
+        p = self.system.p(chart)
+        kernel = chart.compiled(
+            f"{self.acting.key} {name} pulled",
+            lambda _: run_kernels.pulled(joined(chart), of(joined(chart))),
+        )
+        x, n = np.concatenate([states.y, states.u], axis=1), states.y.shape[1]
+        rows = kernel.flat(x[0], bars[0], p)[None] if len(x) == 1 else kernel(x, bars, p)[0]
+        end, inputs = x.shape[1], self.inputs_at(states.t)
+        return Pulled(rows[:, :n], rows[:, n:end], rows[:, end:].sum(axis=0), inputs)
 
     def ends(self, place: int) -> bool:
         """Tell whether a sample is of the event that ended the run."""
@@ -262,13 +284,13 @@ class OfSegment:
     def steps(self, a: int, b: int) -> Steps:
         """Return the steps from row a to row b, with the samples between."""
         t = self.t[a : b + 1]
-        inner = (self.read_at > t[0]) & (self.read_at < t[-1])
-        order = np.argsort(self.read_at[inner], kind="stable")
-        times, numbers = self.read_at[inner][order], self.read[inner][order]
+        inner = np.flatnonzero((self.read_at > t[0]) & (self.read_at < t[-1]))
+        inner = inner[np.argsort(self.read_at[inner], kind="stable")]
+        times, numbers = self.read_at[inner], self.read[inner]
         rows = np.searchsorted(t, times)
         ends = t[rows] == times
         return Steps(
-            run_kernels.addresses(self.system, self.chart, self.whole.cost),
+            run_kernels.addresses(self.whole.acting, self.chart, self.whole.cost),
             self.sizes,
             self.system.p(self.chart),
             plan_of(self.segment.method).table,
@@ -375,7 +397,10 @@ def pieces(signal: Signal, t: np.ndarray, from_left: bool) -> tuple[np.ndarray, 
 def values(signal: Signal, t: np.ndarray, from_left: bool) -> np.ndarray:
     """Return the values of a signal at times (K, columns)."""
     piece, s = pieces(signal, t, from_left)
-    return np.einsum("km,kmc->kc", s[:, None] ** POWERS, signal.coefficients[piece])
+    powers = s[:, None] ** POWERS
+    if len(signal.coefficients) == 1:
+        return powers @ signal.coefficients[0]
+    return np.einsum("km,kmc->kc", powers, signal.coefficients[piece])
 
 
 def rates_jacobian(chart: CompiledChart, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -446,8 +471,9 @@ def sampled(
 ) -> Sampling:
     """Return the instants that rows of a trajectory hold."""
     n, held = of.y_end.size, system.acting.held if system.acting else 0
-    t, y = rows[:, 0], rows[:, 1 : 1 + n]
-    u = np.column_stack([values(system.inputs, t, from_left), rows[:, -2 - held : -2]])
+    t, y, u = rows[:, 0], rows[:, 1 : 1 + n], values(system.inputs, rows[:, 0], from_left)
+    if held:
+        u = np.concatenate([u, rows[:, -2 - held : -2]], axis=1)
     return Sampling(np.full(len(rows), segment), t, y, u)
 
 

@@ -7,16 +7,19 @@ of many evaluations there are products, f_x d and f_x' l; where one decides ther
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
+from linkwork.control.acting import Acting
 from linkwork.control.joined import Joined
 from linkwork.equations import Equations, functions
 from linkwork.equations.algebra import SX
 from linkwork.gradients.native_steps import DerivativeKernels
 from linkwork.model.charts import CompiledChart
 from linkwork.runs.system import System
+from linkwork.simulation import as_signal
 
 Expressions = Callable[[Joined], ca.SX]
 
@@ -45,9 +48,21 @@ def against(joined: Joined, cost: int | None) -> ca.Function:
 
 
 def jacobian(joined: Joined, of: ca.SX) -> ca.Function:
-    """Return (q, v, z, r, p) -> the Jacobian of expressions in x, row by row."""
+    """Return ((q, v, z, r), p) -> the Jacobian of expressions in x, row by row."""
     found = ca.jacobian(ca.densify(of), given(joined))
-    return function("jacobian", joined, ca.vec(ca.densify(found).T))
+    return read_off("jacobian", joined, ca.vec(ca.densify(found).T))
+
+
+def pulled(joined: Joined, of: ca.SX) -> ca.Function:
+    """Return ((q, v, z, r), l, p) -> the derivative of l . expressions in x."""
+    of, lead = ca.densify(of), SX.sym("l", of.numel())
+    return read_off("pulled", joined, ca.densify(ca.jtimes(of, given(joined), lead, True)), lead)
+
+
+def read_off(name: str, joined: Joined, found: ca.SX, *more: ca.SX) -> ca.Function:
+    """Return a function of (q, v, z, r) as one column, of more, and of p."""
+    *states, p = joined.inputs.values()
+    return ca.Function(name, [ca.vertcat(*states), *more, p], [found], {"cse": True})
 
 
 def function(name: str, joined: Joined, found: ca.SX, **more: ca.SX) -> ca.Function:
@@ -127,10 +142,11 @@ def costs(joined: Joined, cost: int) -> ca.Function:
     return function("cost", joined, ca.densify(joined.outputs["events"][cost]))
 
 
-def addresses(system: System, chart: CompiledChart, cost: int | None) -> DerivativeKernels:
+@lru_cache(maxsize=256)
+def addresses(acting: Acting, chart: CompiledChart, cost: int | None) -> DerivativeKernels:
     """Return the addresses of what steps are made again and differentiated with."""
-    assert system.acting is not None
-    key, joined, closing = system.acting.key, system.joined, chart.equations.constrained
+    system, closing = System(as_signal(np.zeros(0)), acting), chart.equations.constrained
+    key, joined = acting.key, system.joined
 
     def of_run(name: str, make: Callable[[Joined], ca.Function]) -> int:
         return chart.compiled(f"{key} {name}", lambda _: make(joined(chart))).address

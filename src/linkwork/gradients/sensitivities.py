@@ -12,7 +12,7 @@ from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.gradients.links import Changes, LossSlopes, Partials
 from linkwork.gradients.numbers import Numbers
-from linkwork.gradients.retraced import Retraced, Sampling, retraced
+from linkwork.gradients.retraced import Retraced, retraced
 from linkwork.gradients.run_kernels import Expressions
 from linkwork.gradients.told import TOLD
 from linkwork.simulation import Run
@@ -75,8 +75,7 @@ def pulled_back(
         shape, bars = run.variables[name].shape, checks.finite(given[name], f"weights of {name}")
         require_shape(name, bars, shape)
         bars = bars.reshape(shape[0], -1)
-        for own, partials in readings(of, name, TOLD[name]):
-            add(slopes, own, partials, bars[own])
+        pull(of, slopes, name, TOLD[name], bars)
     found = dict(zip(numbers.names, led_back(of, numbers, slopes).tolist(), strict=True))
     return {name: found[name] for name in names}
 
@@ -104,15 +103,15 @@ def event_against(of: Retraced, number: int, slopes: LossSlopes, bar: float) -> 
     if of.ends(place):
         slopes.sample_t[place] += bar
     else:
-        add(slopes, np.array([place]), of.moment_of(number), np.array([[bar]]))
+        slopes.add(np.array([place]), *of.moment_of(number).against(slopes, np.array([[bar]])))
 
 
-def add(slopes: LossSlopes, own: np.ndarray, partials: Partials, bars: np.ndarray) -> None:
-    """Add derivatives of a loss with respect to what is read at samples, of the numbers `own`."""
-    y, held, t = partials.against(slopes, bars)
-    slopes.sample_y[own] += y
-    slopes.sample_held[own] += held
-    slopes.sample_t[own] += t
+def pull(
+    of: Retraced, slopes: LossSlopes, name: str, expression: Expressions, bars: np.ndarray
+) -> None:
+    """Add derivatives (S, rows) of a loss with respect to an expression that is read at samples."""
+    for own in in_segments(of):
+        slopes.add(own, *of.pulled(name, expression, own, bars[own]).against(slopes))
 
 
 def led_back(of: Retraced, numbers: Numbers, slopes: LossSlopes) -> np.ndarray:
@@ -129,24 +128,30 @@ def readings(
 ) -> Iterator[tuple[np.ndarray, Partials]]:
     """Yield the numbers of samples in the same segment, and the Jacobians of an expression at
     them; of events not."""
+    for own in in_segments(of):
+        states = of.samples.of(own)
+        yield own, of.partials(of.segments[states.segment[0]].chart, name, expression, states)
+
+
+def in_segments(of: Retraced) -> list[np.ndarray]:
+    """Return the numbers of samples in the same segment; of events not."""
     segments = of.samples.segment[: len(of.samples.t) - len(of.happened)]
-    for number in dict.fromkeys(segments.tolist()):
-        own = np.flatnonzero(segments == number)
-        states = Sampling(*(part[own] for part in of.samples))
-        yield own, of.partials(of.segments[number].chart, name, expression, states)
+    return [np.flatnonzero(segments == number) for number in dict.fromkeys(segments.tolist())]
 
 
 def quantities_of(run: Run, quantities: Sequence[str] | str | None) -> tuple[str, ...]:
     """Return the quantities asked for, all that were recorded and are differentiated where none
     are; refuse others."""
-    known = tuple(name for name in TOLD if name in run.variables)
+    variables = run.variables
     if quantities is None:
-        return known
-    happened = EVENT_TIME in run.coords and len(run.coords[EVENT_TIME].values)
-    known += (EVENT_TIME,) * bool(happened)
+        return tuple(name for name in TOLD if name in variables)
     asked = (quantities,) if isinstance(quantities, str) else checks.names(quantities, "quantities")
+    if all(name in TOLD and name in variables for name in asked):  # those that are asked for alone
+        return asked
+    happened = EVENT_TIME in run.coords and len(run.coords[EVENT_TIME].values)
+    known = (*(name for name in TOLD if name in variables), *(EVENT_TIME,) * bool(happened))
     for name in asked:
-        if name in run.variables and name not in known:
+        if name in variables and name not in known:
             raise LinkworkError(f"{name} is not differentiated; these are: {', '.join(known)}")
     checks.known(asked, known, "quantity")
     return asked

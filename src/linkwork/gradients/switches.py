@@ -15,6 +15,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from linkwork.control.acting import Acting
 from linkwork.control.joined import Joined
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
@@ -42,7 +43,7 @@ def switching(system: System, chart: CompiledChart, cost: int | None) -> Switchi
     """Return how what acts branches in a chart, and the cost, the event function of a number; None
     where they do not."""
     assert system.acting is not None
-    if not branches(system.acting.function):
+    if not branches(system.acting):
         return None
     joined, key = system.joined(chart), system.acting.key
     kernel = chart.compiled(f"{key} switches {cost}", lambda _: function(joined, cost))
@@ -50,9 +51,10 @@ def switching(system: System, chart: CompiledChart, cost: int | None) -> Switchi
 
 
 @lru_cache(maxsize=256)
-def branches(acting: ca.Function) -> bool:
-    """Tell whether a function has modes."""
-    return any(acting.instruction_id(k) in STEPPING for k in range(acting.n_instructions()))
+def branches(acting: Acting) -> bool:
+    """Tell whether what acts has modes."""
+    of = acting.function
+    return any(of.instruction_id(k) in STEPPING for k in range(of.n_instructions()))
 
 
 def function(joined: Joined, cost: int | None) -> ca.Function:
