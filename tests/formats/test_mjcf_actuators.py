@@ -179,3 +179,62 @@ def test_a_tendon_bounds_what_its_one_actuator_does(tmp_path):
     assert (law["least_force"], law["largest_force"]) == (-0.5, 1)
     path.write_text(path.read_text().replace('actuatorfrcrange="-3 2"', ""))
     assert compared(path, tmp_path) < 1e-12
+
+
+MOTORS = """
+<pid name="p" joint="j1" kp="4" kv="0.7" input="pos" posrange="-1 1"/>
+<pid name="v" joint="j2" kp="3" dampratio="0.8" input="vel" gear="1.3"/>
+<dcmotor name="e" joint="j4" motorconst="0.5 0.4" resistance="0.8" gear="3" ctrlrange="-2 2"/>
+<dcmotor name="n" joint="j3" nominal="12 3 100" saturation="0 2 0"/>
+<dcmotor name="k" tendon="plain" motorconst="0.3" resistance="2" input="pos" controller="5 0 1"/>
+<dcmotor name="m" tendon="split" motorconst="0.3" nominal="6 2 30" saturation="0.1"/>
+"""
+
+
+def test_motors_and_controllers_are_servos(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM.format(joint="", actuators=MOTORS))
+    assert not load(path).mechanism.caveats
+    assert compared(path, tmp_path) < 1e-12
+
+
+def test_a_motor_whose_current_lags_is_a_dc_motor(tmp_path):
+    """The force is that of MuJoCo as its time step, by which it goes ahead, goes to zero."""
+    path = tmp_path / "arm.xml"
+    motor = '<dcmotor joint="j1" motorconst="0.5" resistance="0.8" inductance="0 0.02" gear="3"/>'
+    path.write_text(ARM.format(joint="", actuators=motor))
+    robot = lw.Robot(load(path).mechanism)
+    drive, (model, data) = robot.drives["j1"], side.compiled(path)
+    model.opt.timestep = 1e-9
+    data.qvel[0], data.ctrl[:], data.act[:] = 0.4, 5.0, 1.5
+    mj.mj_forward(model, data)
+    force, (change,) = drive.equations(5.0, 0.0, 0.4, (1.5,))
+    assert data.qfrc_actuator[0] == pytest.approx(force, rel=1e-6)
+    assert data.act_dot[0] == pytest.approx(change, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("actuator", "told"),
+    [
+        ('<pid joint="j1" kp="3" ki="2"/>', "for no drive here has its ki"),
+        ('<pid joint="j1" kp="3" slewmax="2"/>', "for no drive here has its slewmax"),
+        ('<pid joint="j1" kp="3"/>', "has the inputs vel, which stay zero here"),
+        ('<dcmotor joint="j1" motorconst="1" resistance="1" cogging="1 2 0"/>', "its cogging"),
+        ('<dcmotor joint="j1" motorconst="1" resistance="1" thermal="1 2 0 1 1 1"/>', "thermal"),
+        ('<dcmotor joint="j1" motorconst="1" resistance="1" lugre="1 2 3 4 5"/>', "its lugre"),
+        (
+            '<dcmotor joint="j1" motorconst="1" resistance="1" inductance="1" saturation="1"/>',
+            "its bounds of voltage or torque",
+        ),
+        (
+            '<dcmotor joint="j1" motorconst="1" resistance="1" input="pos" controller="1 1"/>',
+            "its controller",
+        ),
+        ('<adhesion body="a" ctrlrange="0 1"/>', "pulls at the contacts of a body"),
+        ('<orientation joint="j1" kp="3"/>', "acts on three rates at once"),
+    ],
+)
+def test_what_a_motor_has_beyond_drives_is_named(actuator, told, tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM.format(joint="", actuators=actuator))
+    assert any(told in note for note in load(path).notes)

@@ -109,3 +109,19 @@ def test_what_moves_mass_at_the_reference_is_not_told(parts, tmp_path):
         warnings.simplefilter("error", ModelWarning)
         robot = lw.Robot(load(written(tmp_path, **parts)).mechanism)
     assert robot.simulate(robot.home, duration=0.01).success
+
+
+@pytest.mark.parametrize(
+    "extra",
+    [
+        {"joint": '<joint name="second" axis="0 0 1" springdamper="0.1 1"/>'},
+        {"more": '<actuator><position joint="second" kp="3" dampratio="1"/></actuator>'},
+        {"more": '<actuator><muscle joint="second" lengthrange="0 1"/></actuator>'},
+    ],
+)
+def test_what_follows_from_the_inertia_is_nothing_where_nothing_has_mass(extra, tmp_path):
+    with pytest.warns(ModelWarning, match="the motion of 'second' moves no mass"):
+        mechanism = load(written(tmp_path, **extra)).mechanism
+    joint, drive = mechanism.joints["second"], mechanism.drives.get("second", {})
+    assert joint.spring.stiffness == joint.friction.viscous == 0
+    assert not drive.get("bias_rate") and not drive.get("peak_force")

@@ -1,29 +1,23 @@
-"""The actuators of an MJCF model: what each acts on, and its law as a drive.
+"""The actuators of an MJCF model: what each acts on.
 
     hinge, slide, axis of a ball        a joint rate; another actuator of the same rate, and one of
                                         a tendon of joints, a combination of coordinates
     site                                a thrust: a wrench that moves with its body
-    force  f = (g . (1, l, l')) a + b . (1, l, l') within a range, l = gear x coordinate;
-    a = ctrl, a' = (ctrl - a)/T, or a' = ctrl:  `linkwork.control.Servo` and its kin
 
-The law is kept as data, `Mechanism.drives`, under the actuator; a run has it where it is given
-these drives, and its commands are then MuJoCo's ctrl.
+What it does there is its law (`drive_laws`).
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from functools import cached_property
-from math import pi
 
 import numpy as np
 
 from linkwork.formats import poses
-from linkwork.formats.mjcf.document import ACTUATORS, Document, flag
-from linkwork.formats.mjcf.inertia import FREEDOMS, along, inertia
+from linkwork.formats.mjcf.document import ACTUATORS, Document
+from linkwork.formats.mjcf.drive_laws import DriveReader, Numbers
 from linkwork.formats.mjcf.joints import DrivenBall, Joints
-from linkwork.formats.mjcf.laws import MUSCLE
 from linkwork.formats.mjcf.tree import ModelTree
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
@@ -41,13 +35,10 @@ from linkwork.mechanism import (
 NEAR = 1e-9  # axes that agree [1]
 ANGULAR_VELOCITY = {"wx": 0, "wy": 1, "wz": 2}
 SITES = ("site", "refsite", "slidersite", "cranksite")
-LAWS = ("motor", "position", "velocity", "intvelocity", "damper", "cylinder", "general")
 ELSEWHERE = ("body", "slidersite", "cranksite", "refsite")  # what no transmission here is
-LAGS = ("filter", "filterexact")
-TINY = 1e-15  # least divisor that MuJoCo takes
-UNKNOWN_IN_MUSCLES = ("forcerange", "forcelimited", "actlimited", "actrange", "actearly", "delay")
 
-Numbers = dict[str, float | str]
+WHY = {"body": "it pulls at the contacts of a body, of which nothing is read"}
+THREE = "it acts on three rates at once, and an actuator here on one"
 
 
 @dataclass
@@ -124,6 +115,10 @@ class ActuatorReader:
         attributes = [element.attributes for element in self.elements]
         self.direct = Counter(own.get("joint") or own.get("jointinparent") for own in attributes)
         self.pullers = Counter(own.get("tendon") for own in attributes)
+        own = self.tendons, self.tendon_elements, self.pieces, self._moved, self.users
+        self.laws = DriveReader(
+            self.document, self.tree, self.joints, *own, self.pullers, self.notes
+        )
 
     def read(self) -> Actuation:
         """Return all actuators in their order; what is not one here is noted."""
@@ -136,7 +131,7 @@ class ActuatorReader:
                 continue
             self.found.names[name] = None
             wrench = isinstance(self.found.transmissions.get(name), Thrust)
-            law = self._law(element, 1.0 if wrench or "." in name else float(gear[0]))
+            law = self.laws.law(element, 1.0 if wrench or "." in name else float(gear[0]))
             if law:
                 self.found.drives[name] = law
         if self.found.drives:
@@ -179,6 +174,9 @@ class ActuatorReader:
     def _target(self, element: Element, gear: np.ndarray) -> str | None:
         """Return the rate or the transmission that an actuator acts on, or None with a note."""
         attributes = element.attributes
+        if element.tag == "orientation" or "so3" in attributes.get("gaintype", ""):
+            self.notes.on(element, f"is left out: {THREE}")
+            return None
         joint = attributes.get("jointinparent") or attributes.get("joint")
         if joint is not None:
             return self._of_joint(element, joint, gear)
@@ -187,7 +185,8 @@ class ActuatorReader:
         if "site" in attributes and not any(key in attributes for key in ELSEWHERE):
             return self._of_site(element, gear)
         what = next((key for key in ELSEWHERE if key in attributes), "nothing known")
-        self.notes.on(element, f"is left out: what acts on a {what} is no actuator here")
+        why = WHY.get(what, f"what acts on a {what} is no actuator here")
+        self.notes.on(element, f"is left out: {why}")
         return None
 
     def _of_joint(self, element: Element, joint: str, gear: np.ndarray) -> str | None:
@@ -275,220 +274,3 @@ class ActuatorReader:
             )
             return None
         return rates[axis]
-
-    # ------------------------------------------------------------------------------------ its law
-
-    def _law(self, element: Element, gear: float) -> Numbers:
-        """Return the numbers of the drive that an actuator is; none of one that gives its control
-        as a force."""
-        if element.tag == "muscle":
-            return self._muscle(element, gear)
-        if element.tag not in LAWS or not self._known(element):
-            self.notes.on(
-                element,
-                "is taken as a plain actuator: its control law is left out, the force is yours",
-            )
-            return {}
-        gain, bias, dynamics = self._prms(element, gear)
-        numbers: Numbers = {
-            **dict(zip(("gain", "gain_position", "gain_rate"), gain, strict=True)),
-            **dict(zip(("bias", "bias_position", "bias_rate"), bias, strict=True)),
-            "gear": gear,
-        }
-        neutral = {"gain": 1.0, "gear": 1.0}
-        numbers = {k: v for k, v in numbers.items() if v != neutral.get(k, 0.0)}
-        numbers |= self._range(element, "ctrl", "command")
-        numbers |= self._forces(element, gear)
-        # What the command passes through.
-        kind = "servo"
-        if dynamics[0] in LAGS and dynamics[1] > 0:
-            kind, numbers["time_constant"] = "lagging_servo", dynamics[1]
-        elif dynamics[0] == "integrator":
-            kind = "integrating_servo"
-            numbers |= self._range(element, "act", "activation")
-        return {"type": kind, **numbers} if numbers or kind != "servo" else {}
-
-    def _known(self, element: Element) -> bool:
-        """Tell whether an actuator's parts are those that a servo has."""
-        if element.tag != "general":
-            return True
-        attributes = element.attributes
-        dynamics = attributes.get("dyntype", "none")
-        lagged = dynamics not in LAGS or not flag(element, "actlimited", "actrange" in attributes)
-        return (
-            attributes.get("gaintype", "fixed") in ("fixed", "affine")
-            and attributes.get("biastype", "none") in ("none", "affine")
-            and dynamics in ("none", "integrator", *LAGS)
-            and lagged
-            and not flag(element, "actearly", False)
-        )
-
-    def _prms(
-        self, element: Element, gear: float
-    ) -> tuple[np.ndarray, np.ndarray, tuple[str, float]]:
-        """Return gain and bias (constant, by l, by l'), and the activation's kind and time
-        constant, as MuJoCo's shortcuts mean them."""
-        gain = first(element, "gainprm", 3, (1.0,))
-        bias = first(element, "biasprm", 3)
-        dynamics = element.attributes.get("dyntype", "none"), first(element, "dynprm", 1, (1.0,))[0]
-        match element.tag:
-            case "motor":
-                return np.array([1.0, 0, 0]), np.zeros(3), ("none", 0.0)
-            case "position" | "intvelocity":
-                return self._servo(element, gear, gain[0], -bias[2])
-            case "velocity":
-                kv = element.number("kv", gain[0])
-                return np.array([kv, 0, 0]), np.array([0, 0, -kv]), ("none", 0.0)
-            case "damper":
-                kv = element.number("kv", 1.0)
-                return np.array([0, 0, -kv]), np.zeros(3), ("none", 0.0)
-            case "cylinder":
-                area = element.number("area", gain[0])
-                if "diameter" in element.attributes:
-                    area = pi / 4 * element.number("diameter") ** 2
-                lag = "filter", element.number("timeconst", 1.0)
-                return np.array([area, 0, 0]), first(element, "bias", 3), lag
-        affine = element.attributes.get("gaintype", "fixed") == "affine"
-        biased = element.attributes.get("biastype", "none") == "affine"
-        return gain if affine else gain * (1, 0, 0), bias if biased else np.zeros(3), dynamics
-
-    def _servo(
-        self, element: Element, gear: float, kp: float, kv: float
-    ) -> tuple[np.ndarray, np.ndarray, tuple[str, float]]:
-        """Return what `_prms` does of a position servo, or of one whose control is the rate of its
-        goal; kp, kv: where they are left out."""
-        kp, kv = element.number("kp", kp), element.number("kv", kv)
-        if "dampratio" in element.attributes:
-            kv = 2 * element.number("dampratio") * np.sqrt(kp * self._reflected(element, gear))
-        lag = element.number("timeconst", 0.0)
-        servo = ("filterexact" if lag else "none"), lag
-        dynamics = servo if element.tag == "position" else ("integrator", 0.0)
-        return np.array([kp, 0, 0]), np.array([0, -kp, -kv]), dynamics
-
-    def _range(self, element: Element, key: str, what: str) -> Numbers:
-        """Return the bounds of a control, force or activation, where there are any."""
-        name = f"{key}range"
-        autolimits = self.document.compiler_of(element).autolimits
-        automatic = name in element.attributes and autolimits
-        limited = element.attributes.get(f"{key}limited", "auto")
-        if not (limited == "true" or (limited == "auto" and automatic)):
-            return self._inherited(element, what)
-        least, largest = element.numbers(name, (2,), (0.0, 0.0))
-        return {f"least_{what}": least, f"largest_{what}": largest}
-
-    def _inherited(self, element: Element, what: str) -> Numbers:
-        """Return the bounds of a position or its integral that a joint's range gives."""
-        inherits = element.number("inheritrange", 0.0)
-        wanted = {"position": "command", "intvelocity": "activation"}.get(element.tag)
-        piece = self.pieces.get(element.attributes.get("joint", ""))
-        if not inherits or what != wanted or piece is None or piece.limits.lower is None:
-            return {}
-        lower, upper = piece.limits.lower, piece.limits.upper
-        if upper is None:
-            return {}
-        middle, half = (lower + upper) / 2, inherits * (upper - lower) / 2
-        return {f"least_{what}": middle - half, f"largest_{what}": middle + half}
-
-    def _forces(self, element: Element, gear: float) -> Numbers:
-        """Return the bounds of the force, actuatorfrcrange of the joint or tendon included."""
-        found = self._range(element, "force", "force")
-        attributes = element.attributes
-        joint = attributes.get("joint") or attributes.get("jointinparent", "")
-        piece, tendon = self.pieces.get(joint), attributes.get("tendon", "")
-        moved = piece.element if piece else self.tendon_elements.get(tendon)
-        users = self.users[joint] if piece else self.pullers[tendon]
-        outer = self._range(moved, "actuatorfrc", "force") if moved and users == 1 and gear else {}
-        if not outer:
-            return found
-        # A tendon bounds f itself, a joint what arrives there.
-        low, high = sorted(float(value) / (gear if piece else 1.0) for value in outer.values())
-        if not found:
-            return {"least_force": low, "largest_force": high}
-        return {name: min(max(float(value), low), high) for name, value in found.items()}
-
-    def _muscle(self, element: Element, gear: float) -> Numbers:
-        """Return the numbers of the drive that a muscle is; none of one whose range of lengths is
-        not written, or that has what a muscle here has not."""
-        low, high = element.numbers("lengthrange", (2,), (0.0, 0.0))
-        unknown = [key for key in UNKNOWN_IN_MUSCLES if key in element.attributes]
-        if not low < high or unknown or "site" in element.attributes:
-            why = "it has no lengthrange, which MuJoCo finds by a simulation of its own"
-            if unknown or "site" in element.attributes:
-                why = f"a muscle here has no {', '.join(unknown) or 'site'}"
-            self.notes.on(
-                element,
-                "is taken as a plain actuator: its control law is left out, the force is yours, "
-                f"for {why}",
-            )
-            return {}
-        # Lengths, whose range in units of the muscle's own is given, and the force.
-        least, largest = element.numbers("range", (2,), (0.75, 1.05))
-        unit = (high - low) / max(largest - least, TINY)
-        force = element.number("force", -1.0)
-        if force < 0:
-            force = element.number("scale", 200.0) / max(self._acceleration(element, gear), TINY)
-        times = element.numbers("timeconst", (1, 2), (0.01, 0.04))
-        numbers = {
-            "peak_force": force,
-            "optimum_length": unit,
-            "tendon_length": low - least * unit,
-            "gear": gear,
-            **dict(zip(("activation_time", "deactivation_time"), times, strict=False)),
-            **{name: element.number(key, own) for name, (key, own) in MUSCLE.items()},
-        }
-        bounds = self._range(element, "ctrl", "excitation").values() or (0.0, 1.0)
-        ends = (float(np.clip(float(value), 0, 1)) for value in bounds)
-        numbers |= dict(zip(("least_excitation", "largest_excitation"), ends, strict=True))
-        return {"type": "muscle", **{name: float(value) for name, value in numbers.items()}}
-
-    def _acceleration(self, element: Element, gear: float) -> float:
-        """Return the size of the accelerations at qpos0 by a unit force, |M^-1 J'|."""
-        return float(np.linalg.norm(np.linalg.solve(self.inertia[0], self._row(element, gear))))
-
-    def _reflected(self, element: Element, gear: float) -> float:
-        """Return the inertia that an actuator sees at qpos0 [kg, kg m^2], 1 / (J M^-1 J')."""
-        J = self._row(element, gear)
-        return float(1 / (J @ np.linalg.solve(self.inertia[0], J)))
-
-    def _row(self, element: Element, gear: float) -> np.ndarray:
-        """Return J (nv) of an actuator at qpos0."""
-        line = self.tendons.get(element.attributes.get("tendon", ""))
-        if line is not None:
-            return gear * self._along(line, self.inertia[1])
-        ratios = dict.fromkeys((self.joints.coordinates[n] for n in self._moved(element)), 1.0)
-        return gear * self._along(Combination(ratios=ratios), self.inertia[1])
-
-    def _along(self, line: Combination | Cable, places: dict[str, int]) -> np.ndarray:
-        """Return J (nv) of a transmission at qpos0."""
-        if isinstance(line, Cable):
-            return along(line, self.tree)
-        J = np.zeros(sum(FREEDOMS[piece.kind] for _, piece in self.tree.pieces()))
-        for label, ratio in line.ratios.items():
-            J[places[label]] = ratio
-        return J
-
-    @cached_property
-    def inertia(self) -> tuple[np.ndarray, dict[str, int]]:
-        """Return the tree's M at qpos0, with what moves along tendons, and the places in it of the
-        coordinates of hinges and slides."""
-        M, rates = inertia(self.tree)
-        at = {
-            piece.name: rate.start
-            for (_, piece), rate in zip(self.tree.pieces(), rates, strict=True)
-        }
-        places = {label: at[name] for name, label in self.joints.coordinates.items() if name in at}
-        for line in self.tendons.values():
-            if line.inertia:
-                J = self._along(line, places)
-                M = M + line.inertia * np.outer(J, J)
-        return M, places
-
-
-def first(
-    element: Element, name: str, count: int, default: tuple[float, ...] = (0.0,)
-) -> np.ndarray:
-    """Return the first few numbers of an attribute, zeros where there are fewer."""
-    given = element.attributes.get(name)
-    words = tuple(range(1, 33))
-    values = element.numbers(name, words, default) if given else default
-    return np.array([*values, *([0.0] * count)][:count])

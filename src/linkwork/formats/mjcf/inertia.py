@@ -76,6 +76,22 @@ def along(cable: Cable, tree: ModelTree) -> np.ndarray:
     return sum(parts, np.zeros(sum(FREEDOMS[piece.kind] for _, piece in tree.pieces())))
 
 
+def moved_by(M: np.ndarray, J: np.ndarray) -> np.ndarray | None:
+    """Return the accelerations M^-1 J' (nv) by a unit force along J (nv), or None where J moves
+    what has no mass."""
+    try:
+        return np.linalg.solve(M, J)
+    except np.linalg.LinAlgError:
+        moved, *_ = np.linalg.lstsq(M, J)
+        return moved if np.allclose(M @ moved, J) else None
+
+
+def mobility(M: np.ndarray, J: np.ndarray) -> float:
+    """Return J M^-1 J', infinite where J moves what has no mass."""
+    moved = moved_by(M, J)
+    return float("inf") if moved is None else float(J @ moved)
+
+
 def with_spring_dampers(document: Document, tree: ModelTree, notes: Notes) -> ModelTree:
     """Return the tree with the springs and dampers of joints that give a time constant T and a
     damping ratio z instead (springdamper).
@@ -100,13 +116,14 @@ def with_spring_dampers(document: Document, tree: ModelTree, notes: Notes) -> Mo
             notes.on(raw, f"{UNSEEN} in springs and dampers by springdamper", alters=True)
     # Springs and dampers of the joints' own rates.
     M, places = inertia(tree)
-    mobilities = np.diag(np.linalg.inv(M))
+    units = np.eye(len(M))
     made, number = {}, 0
     for name, node in tree.nodes.items():
         pieces = []
         for piece in node.pieces:
             if number in wanted:
-                (T, z), mass = wanted[number], 1 / mobilities[list(places[number])].mean()
+                (T, z), own = wanted[number], [mobility(M, units[k]) for k in places[number]]
+                mass = 1 / np.mean(own)
                 stiffness = 0.0 if piece.kind == "free" else float(mass / (T * z) ** 2)
                 spring = {"stiffness": stiffness, "rest": piece.springref}
                 friction = {"viscous": float(2 * mass / T)}

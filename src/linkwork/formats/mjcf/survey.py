@@ -126,6 +126,9 @@ SERVO = {
     "dyntype",
     "dynprm",
     "actdim",
+    *("input", "imax", "slewmax", "posrange", "velrange", "ffrange"),
+    *("motorconst", "resistance", "nominal", "inductance", "thermal", "saturation", "cogging"),
+    *("lugre", "controller"),
     *("range", "tausmooth", "force", "scale", "lmin", "lmax", "vmax", "fpmax", "fvmax"),
 }
 

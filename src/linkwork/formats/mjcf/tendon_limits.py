@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from linkwork.formats.mjcf.document import Document
-from linkwork.formats.mjcf.inertia import along, inertia
+from linkwork.formats.mjcf.inertia import along, inertia, mobility
 from linkwork.formats.mjcf.joints import Joints
 from linkwork.formats.mjcf.tree import ModelTree
 from linkwork.formats.notes import Notes
@@ -100,8 +100,8 @@ def _mobility(line: Combination | Cable, tree: ModelTree, joints: Joints) -> flo
     else:
         J = along(line, tree)
     M = M + line.inertia * np.outer(J, J)
-    moved, *_ = np.linalg.lstsq(M, J)
-    return float(J @ moved) if np.allclose(M @ moved, J) else 0.0
+    found = mobility(M, J)
+    return found if found < np.inf else 0.0
 
 
 def _moved_by(line: Combination | Cable, tree: ModelTree, joints: Joints) -> ModelTree:
