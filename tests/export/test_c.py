@@ -52,6 +52,18 @@ def test_c_gives_the_numbers_of_the_kernels(name, tmp_path):
         require_equal(robot, function, rows, statuses, [np.concatenate(out) for _, out in found])
 
 
+@pytest.mark.parametrize("name", ["pendulum", "slider_crank", "bennett", "five_bar", "tripteron"])
+def test_vectors_of_any_number_of_angles_give_the_numbers_of_the_kernels(name, tmp_path):
+    """One, two, three, four and seven angles, one of them at times beyond what polynomials take."""
+    robot = built(name)
+    library = Library(robot, lw.export.c(robot, ["motion"]), tmp_path, "-O3", "-march=native")
+    rows = inputs_of("motion", samples(robot))
+    rows[0][::9, 0] += 2.0**31
+    found = [library("motion", *row) for row in zip(*rows, strict=True)]
+    statuses = np.array([status for status, _ in found])
+    require_equal(robot, "motion", rows, statuses, [np.concatenate(out) for _, out in found])
+
+
 @pytest.mark.parametrize("processor", PROCESSORS)
 @pytest.mark.parametrize("name", ABROAD)
 def test_other_processors_give_the_numbers_of_the_kernels(name, processor, tmp_path):

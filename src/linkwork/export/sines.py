@@ -1,6 +1,9 @@
 """Sines and cosines in C: the polynomials of the kernels (`kernels.elementary`), for any number of
 angles by one loop that compilers can make vectors of; or the C library's functions.
 
+The quarter of the circle is told by numbers, without integers: from m = k - 4 round(k/4), which is
+-2 ... 2, come  cos(k pi/2) = 1 - |m|  and  sin(k pi/2) = m (2 - |m|),  exactly.
+
 Floats have polynomials of their own: minimax by Lawson's iteration, coefficients rounded, good to
 1.3e-8 (sine) and 2e-10 (cosine) relative, and pi/2 in three floats, or in four of which three have
 11 bits.
@@ -11,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from linkwork.export.statements import Dialect, Precision
+from linkwork.export.statements import TOGETHER, Dialect, Precision
 from linkwork.export.templates import filled
 from linkwork.kernels import elementary
 
@@ -62,11 +65,12 @@ def turn_text(dialect: Dialect) -> str:
         return filled("turn_libm.c", dialect)
     own = REDUCTIONS[dialect.precision]
     words = {
+        "TOGETHER": str(TOGETHER),
         "BOUND_WITH_FMA": dialect.constant(own.bounds[0]),
         "BOUND_WITHOUT_FMA": dialect.constant(own.bounds[1]),
         "PER_QUARTER": dialect.constant(elementary.TWO_OVER_PI),
         "ROUND": dialect.constant(own.whole),
-        "HALF": dialect.constant(0.5),
+        "QUARTER": dialect.constant(0.25),
         "REDUCTION_WITH_FMA": _reduction(own.parts[0], dialect),
         "REDUCTION_WITHOUT_FMA": _reduction(own.parts[1], dialect),
         "SINE_POLYNOMIAL": _horner(own.sine, dialect),
@@ -77,12 +81,11 @@ def turn_text(dialect: Dialect) -> str:
 
 def _reduction(parts: Sequence[float], dialect: Dialect) -> str:
     """Return the statements that subtract a multiple of pi/2 in parts."""
-    lines, rest = [], "x[k]"
+    lines, rest = [], "x[j]"
     for k, part in enumerate(parts):
         name = "r" if k == len(parts) - 1 else f"r{k}"
-        lines.append(
-            f"        const lw_real {name} = LW_FMA(quarters, {dialect.constant(-part)}, {rest});"
-        )
+        less = f"LW_FMA(quarters, {dialect.constant(-part)}, {rest})"
+        lines.append(f"            const lw_real {name} = {less};")
         rest = name
     return "\n".join(lines)
 

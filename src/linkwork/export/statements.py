@@ -1,6 +1,9 @@
-"""A program as statements of C: one for each operation, in the order in which kernels do them.
+"""A program as statements of C, one for each operation.
 
     const double v7 = v3 * v5;          v9 = FMA(v3, v4, v8), rounded as in kernels (`products`)
+
+Values are computed near their use, depth first: compilers of C keep the order that they are given,
+and what waits long for its use costs a register. (LLVM orders the operations of kernels anew.)
 
 The program is cut into sections as for kernels (`kernels.sections`): the sines and cosines of all
 angles that are known at a time are computed together at a section's end, by a loop that compilers
@@ -22,10 +25,12 @@ from linkwork.export.products import fused
 from linkwork.kernels.body import LIBRARY
 from linkwork.kernels.program import Program
 from linkwork.kernels.sections import FETCHED, Section, planned
+from linkwork.kernels.simplify import chain_lengths, depth_first
 
 Precision = Literal["double", "float"]
 Sines = Literal["polynomial", "libm"]
 LANES = 8  # angles that are counted as one vector, by which sections become functions
+TOGETHER = 4  # angles that C may take together
 SMALLEST = {"double": 2.0**-1022, "float": 2.0**-126}
 LARGEST = {"double": 2.0**1023 * (2 - 2.0**-52), "float": 2.0**127 * (2 - 2.0**-23)}
 _OPERATORS = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
@@ -120,6 +125,8 @@ class _Body:
     def __init__(self, program: Program, dialect: Dialect, fields: Sequence[str]):
         self.nodes, self.dialect = program.nodes, dialect
         self.plan = planned(program, LANES)
+        order = depth_first(program, chain_lengths(program.nodes))
+        self.rank = {k: rank for rank, k in enumerate(order)}
         self.sums = fused(program, self.plan)
         self.taken = {each.product for each in self.sums.values()}
         arrays = [each for each in program.inputs if each[0] != "p" or not fields]
@@ -133,26 +140,33 @@ class _Body:
 
     def section(self, section: Section) -> Iterator[str]:
         """Yield the statements of a section, with its sines and cosines."""
-        for k in section.nodes:
+        for k in sorted(section.nodes, key=self.rank.__getitem__):
             if self.nodes[k].op not in FETCHED and k not in self.taken:
                 self.made.add(k)
                 kind = "int t" if self._true(k) else "lw_real v"
                 yield f"    const {kind}{k} = {self._computed(k)};"
             if k in self.plan.kept:
                 yield f"    kept[{self.plan.kept[k]}] = {self.number(k)};"
-        results = {place: k for k in section.nodes for place in self.plan.places.get(k, ())}
-        for place in sorted(results):
-            yield f"    {self.outputs[place]} = {self.number(results[place])};"
+            for place in self.plan.places.get(k, ()):
+                yield f"    {self.outputs[place]} = {self.number(k)};"
         if section.angles:
-            first = section.first * LANES
-            sines, cosines = (
-                part[section.angles[0]] for part in (self.plan.sines, self.plan.cosines)
-            )
-            for i, k in enumerate(section.angles):
-                yield f"    kept[{first + i}] = {self.number(k)};"
-            count = len(section.angles)
-            places = ", ".join(f"kept + {place}" for place in (first, sines, cosines))
-            yield f"    lw_turn({count}, {places});"
+            yield from self._turned(section)
+
+    def _turned(self, section: Section) -> Iterator[str]:
+        """Yield the statements that compute the sines and cosines at a section's end.
+
+        Angles are repeated to a multiple of TOGETHER: compilers fill vectors with values that they
+        have, but not with some of these and a constant.
+        """
+        angles, first = section.angles, section.first * LANES
+        repeated = (
+            len(angles) if self.dialect.sines == "libm" else -(-len(angles) // TOGETHER) * TOGETHER
+        )
+        for i in range(repeated):
+            yield f"    kept[{first + i}] = {self.number(angles[i % len(angles)])};"
+        sines, cosines = (part[angles[0]] for part in (self.plan.sines, self.plan.cosines))
+        places = ", ".join(f"kept + {place}" for place in (first, sines, cosines))
+        yield f"    lw_turn({len(angles)}, {places});"
 
     def number(self, k: int) -> str:
         """Return the value at position k as a number; a truth is 1 or 0."""

@@ -49,10 +49,7 @@ def _ordered(program: Program) -> Program:
     the length of that chain, so that operations that do not wait for each other are neighbours.
     """
     depths = chain_lengths(program.nodes)
-    visited: dict[int, None] = {}
-    for result in program.results:
-        _visit(program.nodes, result, depths, visited)
-    order = list(visited)
+    order = depth_first(program, depths)
     if len(order) <= LARGE:
         order = by_stretches(order, depths)
     places = {k: place for place, k in enumerate(order)}
@@ -75,6 +72,15 @@ def chain_lengths(nodes: Sequence[Operation]) -> list[int]:
     return depths
 
 
+def depth_first(program: Program, depths: Sequence[int]) -> list[int]:
+    """Return the nodes that results need, each after what it needs, of which what has the longest
+    chain comes first."""
+    visited: dict[int, None] = {}
+    for result in program.results:
+        _visit(program.nodes, result, depths, visited)
+    return list(visited)
+
+
 def by_stretches(order: Sequence[int], depths: Sequence[int]) -> list[int]:
     """Return nodes in an order in which those of each stretch are sorted by the length of their
     chains."""
@@ -83,7 +89,7 @@ def by_stretches(order: Sequence[int], depths: Sequence[int]) -> list[int]:
 
 
 def _visit(
-    nodes: tuple[Operation, ...], root: int, depths: list[int], visited: dict[int, None]
+    nodes: tuple[Operation, ...], root: int, depths: Sequence[int], visited: dict[int, None]
 ) -> None:
     """Append `root` to `visited` after all that it needs."""
     stack = [root]

@@ -9,12 +9,11 @@ static void lw_copy(int count, const lw_real *from, lw_real *to)
 static int lw_finite(const lw_real *x, int count)
 {
     int k;
+    lw_real nothing = 0;
     for (k = 0; k < count; ++k) {
-        if (!(x[k] - x[k] == 0)) {
-            return 0;
-        }
+        nothing = LW_FMA(0, x[k], nothing);
     }
-    return 1;
+    return nothing == 0;
 }
 
 static lw_status lw_judged(lw_real pivot, const lw_real *found, int count)
