@@ -130,7 +130,9 @@ def test_bristles_are_refused():
     friction = lw.Friction(coulomb=0.2, bristle=lw.Bristle(stiffness=1e4))
     slide = mechanism.joints["slide_1"].model_copy(update={"friction": friction})
     joints = {**mechanism.joints, "slide_1": slide}
-    with pytest.raises(lw.LinkworkError, match="friction that sticks by a bristle"):
+    with pytest.raises(
+        lw.LinkworkError, match="Pinocchio leaves out friction that sticks by bristles"
+    ):
         lw.Robot(mechanism.model_copy(update={"joints": joints})).to_pinocchio()
 
 

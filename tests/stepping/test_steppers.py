@@ -91,6 +91,35 @@ def test_stops_are_struck_as_by_one():
         require_alike(many, alone, member)
 
 
+def test_bristles_bend_as_they_do_alone():
+    """Slides that stick on their springs, and balls that fall, slide and roll on bristles."""
+    bristle = lw.Bristle(stiffness=1e4, damping=100.0)
+    friction = lw.Friction(coulomb=2.0, bristle=bristle)
+    rail = lw.PrismaticJoint(
+        connects=("ground", "body"), spring=lw.Spring(stiffness=40.0), friction=friction
+    )
+    body = lw.Body(mass=0.5, inertia=lw.Inertia(xx=1e-3, yy=1e-3, zz=1e-3))
+    floor = lw.Contact(
+        connects=("ground", "body"),
+        surfaces=(lw.Plane(), lw.Sphere(radius=0.1)),
+        stiffness=1e4,
+        friction=lw.Sliding(coefficient=0.2, bristle=bristle),
+    )
+    free = {"free": lw.FreeJoint(connects=("ground", "body"))}
+    slide = lw.Robot(lw.Mechanism(bodies={"body": body}, joints={"x": rail}))
+    ball = lw.Robot(lw.Mechanism(bodies={"body": body}, joints=free, contacts={"floor": floor}))
+    drawn = slide.state(np.linspace(0.1, 0.4, N)[:, None])
+    fallen = ball.state([[0, 0, 0.1 + 1e-6 * k, 1, 0, 0, 0] for k in range(N)])
+    for states, of in ((drawn, slide), (fallen.with_rates([0.5, 0.1, 0, 0, 0, 0]), ball)):
+        many = of.stepper(states, dt=1e-4)
+        many.step(steps=60)
+        assert (abs(many.z).max(axis=1) > 1e-3).all()
+        for member in (0, 17, N - 1):
+            alone = of.stepper(states.at(member), dt=1e-4)
+            alone.step(steps=60)
+            require_alike(many, alone, member)
+
+
 def test_parameters_of_each(robot):
     free, masses = robot.free("platform.mass"), np.linspace(0.5, 5.0, N)
     states, u = spread(free)

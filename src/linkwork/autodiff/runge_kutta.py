@@ -10,8 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from linkwork.autodiff.offered import Offered
-from linkwork.errors import LinkworkError
-from linkwork.mechanism.sticking import strains
+from linkwork.mechanism.sticking import require_no_bristles
 
 STAGES = ((0.5, 1.0), (0.5, 2.0), (1.0, 2.0), (0.0, 1.0))
 """Of each evaluation: how far along it the next one lies, over h, and its weight, over h / 6."""
@@ -45,11 +44,10 @@ def composed(
     return step
 
 
-def require_no_bristles(offered: Offered) -> None:
+def require_steps(offered: Offered) -> None:
     """Refuse robots whose friction has states of its own."""
-    sticking = ", ".join(each.of for each in strains(offered.robot.mechanism))
-    if sticking:
-        raise LinkworkError(
-            f"step is not defined: the friction of {sticking} sticks by bristles, which have "
-            "states of their own; robot.simulate and robot.stepper take steps with them"
-        )
+    require_no_bristles(
+        offered.robot.mechanism,
+        "a step leaves out",
+        "robot.simulate and robot.stepper take steps with them",
+    )

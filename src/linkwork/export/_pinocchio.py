@@ -40,7 +40,7 @@ from linkwork.formats.mjcf.model_plan import ARM
 from linkwork.mechanism import GROUND, Mechanism, PairJoint
 from linkwork.mechanism.bearing import bearings
 from linkwork.mechanism.joints import JointFreedom
-from linkwork.mechanism.sticking import strains
+from linkwork.mechanism.sticking import require_no_bristles
 from linkwork.model.checks import actuator_forces
 from linkwork.model.state import State
 from linkwork.robot import Robot
@@ -256,11 +256,7 @@ def refuse(mechanism: Mechanism) -> None:
                 f"joints.{name}: is a rod, which Pinocchio has no constraint for; make it a link "
                 "between spherical joints, or take to_mujoco"
             )
-    for strain in strains(mechanism):
-        raise LinkworkError(
-            f"{strain.of}: friction that sticks by a bristle has a state of its own, which "
-            "Pinocchio has no place for; give this friction without a bristle"
-        )
+    require_no_bristles(mechanism, "Pinocchio leaves out", "give it without a bristle")
 
 
 def depth_first(branches: tuple[Branch, ...], parent: str = GROUND) -> Iterator[Branch]:

@@ -23,7 +23,7 @@ from linkwork.equations.task import task_map
 from linkwork.equations.tree import Tree
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.bearing import require_no_bearings
-from linkwork.mechanism.sticking import strains
+from linkwork.mechanism.sticking import require_no_bristles
 from linkwork.mechanism.task import labels
 from linkwork.model.actuation import DRIVEN, undriven
 from linkwork.model.asked import ToolAsked
@@ -229,13 +229,11 @@ def require_steps(robot: Robot) -> None:
         "steps in C leave out",
         "leave start, step_rk4 and step out, and integrate motion, which has it",
     )
-    sticking = [strain.of for strain in strains(robot.mechanism)]
-    if sticking:
-        raise LinkworkError(
-            f"steps are not defined in C where friction sticks by bristles, which have states of "
-            f"their own: {', '.join(sticking)}; leave start, step_rk4 and step out, or give this "
-            "friction without a bristle"
-        )
+    require_no_bristles(
+        robot.mechanism,
+        "steps in C leave out",
+        "leave start, step_rk4 and step out, or give it without a bristle",
+    )
 
 
 def weakest_stage(chart: Chart, pivots: Sequence[ca.SX]) -> ca.SX:

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from linkwork.autodiff import Offered
-from linkwork.autodiff.runge_kutta import LOOSE, composed, require_no_bristles
+from linkwork.autodiff.runge_kutta import LOOSE, composed, require_steps
 from linkwork.autodiff.turns import require_whole_turns
 from linkwork.export.implicit import STEPS
 from linkwork.jax.calls import WHERE, Calls
@@ -60,7 +60,7 @@ def stepping(offered: Offered, calls: Calls) -> Callable[..., tuple[Array, Array
     """Return q, v, u, h[, p] -> q, v after a step of length h (..., 1); its derivatives are those
     of the evaluations and Newton steps that it is made of."""
     robot, equations = offered.robot, offered.equations
-    require_no_bristles(offered)
+    require_steps(offered)
     # The value: one call.
     nq, n, machine = equations.nq, equations.mobility, this_machine()
     motion = offered.motion.value

@@ -9,6 +9,7 @@ from linkwork.mechanism.bearing import bearing_name, bearings
 from linkwork.mechanism.contact import touch_names
 from linkwork.mechanism.joints import SLIDES
 from linkwork.mechanism.mechanism import Mechanism
+from linkwork.mechanism.refusal import MechanismError
 from linkwork.mechanism.transmissions import LoadedLength
 
 
@@ -38,3 +39,12 @@ def strains(mechanism: Mechanism) -> Iterator[Strain]:
     for name, contact in mechanism.contacts.items():
         for touch in touch_names(name, contact) if contact.friction.bristle else ():
             yield Strain(touch, tuple(f"{touch}.bristle_{axis}" for axis in "xyz"), "1")
+
+
+def require_no_bristles(mechanism: Mechanism, what: str, instead: str) -> None:
+    """Refuse what has no place for the states of bristles, by what sticks."""
+    if names := ", ".join(strain.of for strain in strains(mechanism)):
+        raise MechanismError(
+            f"{what} friction that sticks by bristles, which have states of their own: {names}; "
+            f"{instead}"
+        )

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from linkwork.autodiff import Offered
-from linkwork.autodiff.runge_kutta import LOOSE, composed, require_no_bristles
+from linkwork.autodiff.runge_kutta import LOOSE, composed, require_steps
 from linkwork.autodiff.turns import require_whole_turns
 from linkwork.export.implicit import STEPS
 from linkwork.kernels import Kernel
@@ -75,7 +75,7 @@ def stepping(offered: Offered, guard: Guard) -> Callable[..., tuple[Tensor, Tens
 
     Its gradients are those of the evaluations and Newton steps that it is made of.
     """
-    require_no_bristles(offered)
+    require_steps(offered)
     equations = offered.equations
     nq, n = equations.nq, equations.mobility
     rates = operator(offered["coordinate_rates"], guard)

@@ -19,7 +19,7 @@ from linkwork.export.statements import Dialect
 from linkwork.export.templates import filled
 from linkwork.kernels.program import Program
 from linkwork.mechanism.bearing import require_no_bearings
-from linkwork.mechanism.sticking import strains
+from linkwork.mechanism.sticking import require_no_bristles
 from linkwork.robot import Robot
 
 DIALECT = Dialect()
@@ -74,12 +74,7 @@ def require_smooth_friction(robot: Robot) -> None:
         "an FMU leaves out",
         "export the robot without it, or write it as C and integrate motion, which has it",
     )
-    sticking = [strain.of for strain in strains(robot.mechanism)]
-    if sticking:
-        raise LinkworkError(
-            "an FMU leaves out friction that sticks by bristles, which have states of their own: "
-            f"{', '.join(sticking)}; give this friction without a bristle"
-        )
+    require_no_bristles(robot.mechanism, "an FMU leaves out", "give it without a bristle")
 
 
 def sources(
