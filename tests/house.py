@@ -1,9 +1,10 @@
 """How large the house is: `python -m tests.house` counts the lines of code of each package, without
-docstrings and blanks."""
+docstrings and blanks; with `core` it lists the files that a reader must know, in their order."""
 
 from __future__ import annotations
 
 import ast
+import sys
 import tokenize
 from collections import Counter
 from fnmatch import fnmatch
@@ -15,6 +16,48 @@ SOURCE = Path(__file__).parents[1] / "src" / "linkwork"
 CORE = ("mechanism", "equations", "kernels", "simulation", "model", "runs", "robot")
 """What a reader must know, as CONTRIBUTING.md says: from a description to a state and a run."""
 WINGS = {
+    # What a description may hold, and how it is written.
+    "files of mechanisms": ("document", "files", "json_schema"),
+    "free numbers": ("numbers", "parameter_units", "parameters", "places"),
+    "named quantities": ("formulas", "mechanism/quantities"),
+    "shapes, payloads": ("density", "payload", "shapes"),
+    "further joints": ("cylindrical", "gears", "planar", "rod", "screw", "universal"),
+    "springs, friction": ("effects", "powers"),
+    "stops, contact, sticking": (
+        *("boxes", "contact", "elastic", "impact", "limits", "meeting", "sticking", "surfaces"),
+    ),
+    "bearings": ("bearing", "bearing_loads", "bearings", "needs", "rubbing"),
+    "fluid": ("fluid",),
+    "transmissions": ("cables", "transmissions"),
+    "refusals": ("checks", "refusal"),
+    # How equations begin, and which are chosen.
+    "home": ("around_home", "homing", "nearest", "reference"),
+    "mobility, spins": ("mobility", "spins"),
+    "changes of chart": (
+        *("chart_choice", "chart_margins", "chart_transfer", "known_charts", "next_chart"),
+        "reordering",
+    ),
+    "large mechanisms": (
+        *("articulated", "uncharted", "bound", "unit_directions", "partitioned", "tabled"),
+        *("abreast", "called", "partitioned_slopes", "repeats"),
+    ),
+    # How code becomes quick, and is kept.
+    "fewer operations": ("simplify",),
+    "sines and cosines": ("angles", "elementary"),
+    "stacks of states": ("stacks", "stored_states", "transposed"),
+    "compiled by Numba": ("compiled", "pointers", "structures"),
+    "kept and sent": ("cache", "derivations", "pickled"),
+    # What a robot is asked at a state.
+    "assembling": ("asked", "assembling", "assembly", "closing"),
+    "tool paths": (
+        *("following", "leading", "led_path", "modes", "path_following", "sides", "task"),
+        "tool_motion",
+    ),
+    "whole turns": ("turning", "turns", "whole_turns"),
+    "redundant drives": ("actuation",),
+    "dexterity": ("dexterity",),
+    "statics, linear": ("linear", "linear_model", "network", "reactions", "regressor"),
+    # What a run may meet, and what is told of it.
     "ensembles": (
         *("lane_*", "lanes", "many", "vectors"),
         *("ensemble", "measuring", "members", "one_by_one", "saved_rows", "side_by_side"),
@@ -23,31 +66,15 @@ WINGS = {
         *("bends", "events", "native_events", "native_occurrences", "native_watch"),
         *("native_rosenbrock", "rosenbrock"),
     ),
+    "further methods": ("eighth_order", "fixed_steps", "sharp_smart"),
+    "sampled controllers": ("observing", "sampled_calls"),
+    "singular poses": ("crossing",),
     "accounts of runs": (
-        *("accuracy", "fault_sources", "quantities", "run_record", "saved_states"),
+        *("accuracy", "endings", "fault_sources", "run_record", "runs/quantities", "saved_states"),
         *("stiff_sources", "work"),
         "undefined",
     ),
-    "statics, linear": (
-        "linear",
-        "linear_model",
-        "network",
-        "parameters",
-        "reactions",
-        "regressor",
-    ),
-    "masses of shapes": ("density",),
-    "named quantities": ("formulas", "quantities"),
-    "fluid": ("fluid",),
-    "stops, contact, sticking": ("contact", "elastic", "impact", "sticking", "surfaces"),
-    "bearings": ("bearing", "bearing_loads", "bearings", "needs", "rubbing"),
-    "large mechanisms": (
-        *("articulated", "uncharted", "bound", "unit_directions", "partitioned", "tabled"),
-        *("abreast", "called", "partitioned_slopes", "repeats"),
-    ),
-    "transmissions": ("cables", "transmissions"),
-    "charts met before": ("chart_margins", "known_charts"),
-    "tool paths": ("following", "leading", "led_path", "modes", "sides", "task", "tool_motion"),
+    "datasets and files": ("awaited", "run_files", "variables"),
 }
 """Modules of the core's packages that one needs for these only; they are counted apart."""
 
@@ -71,7 +98,10 @@ def part(path: Path) -> str:
     if package(path) not in CORE:
         return package(path)
     wings = (
-        wing for wing, names in WINGS.items() if any(fnmatch(path.stem, name) for name in names)
+        wing
+        for wing, names in WINGS.items()
+        for name in names
+        if fnmatch(path.stem, name) or name == f"{package(path)}/{path.stem}"
     )
     return next(wings, package(path))
 
@@ -156,7 +186,18 @@ def strings(tree: ast.Module) -> set[str]:
     }
 
 
-if __name__ == "__main__":
+def core_files() -> list[tuple[str, int]]:
+    """Return the files of the core with their lines of code, package by package, the largest
+    first."""
+    found = [(path, code_lines(path, tree)) for path, tree in modules() if part(path) in CORE]
+    found.sort(key=lambda each: (CORE.index(package(each[0])), -each[1]))
+    return [(path.relative_to(SOURCE).as_posix(), lines) for path, lines in found]
+
+
+if __name__ == "__main__" and sys.argv[1:] == ["core"]:
+    for name, count in core_files():
+        print(f"{count:6}  {name}")
+elif __name__ == "__main__":
     lines, stated = sizes()
     print(f"{'':20} {'lines':>6} {'statements':>10}")
     for name, count in lines.most_common():

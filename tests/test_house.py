@@ -5,12 +5,25 @@ from __future__ import annotations
 
 import ast
 import importlib
+from pathlib import Path
 
 import pytest
 
 import linkwork as lw
 
-from tests.house import CORE, SOURCE, code_lines, imports, modules, package, strings, uncommented
+from tests.house import (
+    CORE,
+    SOURCE,
+    WINGS,
+    code_lines,
+    core_files,
+    imports,
+    modules,
+    package,
+    part,
+    strings,
+    uncommented,
+)
 from tests.processes import finished
 
 LAB = "linkwork.lab"
@@ -76,6 +89,18 @@ def test_lines_of_code_are_counted_without_docstrings_comments_and_blanks(tmp_pa
     path.write_text(text)
     assert code_lines(path, ast.parse(text)) == 4
     assert all((SOURCE / name).is_dir() for name in CORE)
+
+
+def test_the_core_is_what_stands_in_no_wing():
+    """Each wing has modules, and each module named there is one."""
+    own = [path for path, _ in modules() if package(path) in CORE]
+    stems = {path.stem for path in own} | {f"{package(path)}/{path.stem}" for path in own}
+    named = [name for names in WINGS.values() for name in names if "*" not in name]
+    assert {*named} <= stems and len(named) == len({*named})
+    assert {*WINGS} <= {part(path) for path, _ in modules()}
+    files = [name for name, _ in core_files()]
+    assert files[0].startswith("mechanism/") and files[-1].startswith("robot/")
+    assert not {Path(name).stem for name in files} & {*named}
 
 
 def test_the_rooms_of_the_laboratory_are_opened_when_they_are_asked_for():

@@ -7,7 +7,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.robots import bennett
-from linkwork.runs.recording import passed_limits
+from linkwork.runs.endings import passed_limits
 
 from tests.equations.evaluation import close
 

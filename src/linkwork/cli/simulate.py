@@ -21,7 +21,7 @@ from linkwork.errors import LinkworkError
 from linkwork.model.labels import POSES
 from linkwork.robot import Motion, Robot
 from linkwork.runs import running
-from linkwork.runs.recording import passed_limits
+from linkwork.runs.endings import passed_limits
 from linkwork.runs.settings import Settings
 from linkwork.simulation import Run, Sampled, Status
 

@@ -1,8 +1,8 @@
 """Continued: coordinates of joints that close loops, as what acts on a robot sees them, without
 jumps.
 
-Their turns do not follow from the tree's coordinates (`linkwork.model.labels`), so that where they
-are read each joint has states of its own in the run, z, which its rates move. An angle q read
+Their turns do not follow from the tree's coordinates (`linkwork.model.whole_turns`), so that where
+they are read each joint has states of its own in the run, z, which its rates move. An angle q read
 within half a turn, and a quaternion p read but for its sign, then are
 
     x = q + 2 pi floor((z - q) / 2 pi + 1/2),    z' = w + |w| (x - z)

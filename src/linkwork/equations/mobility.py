@@ -11,8 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import casadi as ca
 import numpy as np
 
+from linkwork.equations.algebra import SX
 from linkwork.equations.joints import KINDS, rows_of
 from linkwork.equations.reflections import reflect
 from linkwork.equations.topology import Topology
@@ -20,6 +22,7 @@ from linkwork.equations.tree import Tree
 from linkwork.mechanism import GROUND, Mechanism, MechanismError, PairJoint
 
 RANK = 1e-9
+TURNS_OUT = 1e-9
 
 
 def free_motions(Phi: np.ndarray) -> np.ndarray:
@@ -82,3 +85,34 @@ def loop_of(topology: Topology, cut: str) -> tuple[str, ...]:
             [*(name for name in first + second if (name in first) != (name in second)), cut]
         )
     )
+
+
+def refuse_out_of_plane(
+    mechanism: Mechanism, tree: Tree, configurations: list[np.ndarray], samples: list[np.ndarray]
+) -> None:
+    """Refuse a body that gives its inertia `zz` alone and can turn about another axis than its own
+    z."""
+    rates = SX.sym("rates", len(tree.rates))
+    omega = tree.angular_velocities(rates)
+    for name, body in mechanism.bodies.items():
+        if not body.inertia.planar:
+            continue
+        node = tree.node(name)
+        local = ca.sparsify(ca.mtimes(node.R.near.T, omega[node.index])[:2])
+        if not local.nnz():
+            continue
+        if ca.depends_on(local, tree.p):
+            raise MechanismError(
+                "gives only zz, but free turns of frames may turn the body about other axes than "
+                "its z; give xx, yy and zz",
+                ("bodies", name, "inertia"),
+            )
+        turning = tree.evaluated("turning", [local], inputs=[rates])
+        for q, Phi in zip(configurations, samples, strict=True):
+            motions = tree.rate_units[:, None] * free_motions(Phi)
+            if np.abs(np.array(turning(q, motions)[0])).max(initial=0.0) > TURNS_OUT:
+                raise MechanismError(
+                    "gives only zz, but the mechanism can turn the body about other axes than "
+                    "its z; give xx, yy and zz",
+                    ("bodies", name, "inertia"),
+                )

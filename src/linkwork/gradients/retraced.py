@@ -36,9 +36,10 @@ from linkwork.runs.passage import CLOSURE, Segment
 from linkwork.runs.run_record import RunRecord
 from linkwork.runs.system import System, with_jacobian
 from linkwork.simulation import Run, Signal, Status, Trajectory
+from linkwork.simulation.fixed_steps import FixedStep, SymplecticEuler
 from linkwork.simulation.methods import METHODS
 from linkwork.simulation.native_between import ROUNDING
-from linkwork.simulation.tableaus import FixedStep, StepPlan, SymplecticEuler, Tableau
+from linkwork.simulation.tableaus import StepPlan, Tableau
 
 CLOSE = 2.0**-38  # how near to an event a step ends at it, relative to the time and to the step
 ASIDE = 1e-9  # how far from an event both sides of it are looked at, likewise

@@ -28,11 +28,11 @@ from linkwork.model.charts import Charts, CompiledChart, shorter
 from linkwork.model.closing import Least, approach
 from linkwork.model.derivations import derived, kept
 from linkwork.model.known_charts import KnownCharts
-from linkwork.model.labels import Labels
 from linkwork.model.leading import Leader
 from linkwork.model.modes import ModeStages, modes_of
 from linkwork.model.state import State
 from linkwork.model.turning import own_turning, turnable
+from linkwork.model.whole_turns import TurnedLabels
 from linkwork.simulation import Turning
 
 
@@ -59,7 +59,7 @@ class Model:
         self.parameters: dict[str, float] = dict(self.equations.parameters)
         self.p = np.array(list(self.parameters.values()))
         self.chart = CompiledChart(self.equations, self.p)
-        self.labels = Labels(self.chart)
+        self.labels = TurnedLabels(self.chart)
         checks.known(wanted, self.equations.tree.rates, "rate of the tree")
         # What derivation found, and names in their order.
         self.independent: tuple[str, ...] = self.equations.independent

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
-from linkwork.model import checks, evaluation, posing
+from linkwork.model import assembling, checks, evaluation, path_following, posing
 from linkwork.model.assembly import OPEN_LOOPS
 from linkwork.model.state import Motion, State
 from linkwork.notebooks import Portrayed
@@ -210,7 +210,7 @@ class Robot(Simulated, Portrayed):
             UnreachableError: what is asked is out of reach, not reachable from this guess, or only
                 on another branch.
         """
-        return posing.assemble(self, joints, tool, rates, guess, branch)
+        return assembling.assemble(self, joints, tool, rates, guess, branch)
 
     def follow(
         self,
@@ -239,7 +239,7 @@ class Robot(Simulated, Portrayed):
             LinkworkError: a leg-singular pose on the path, or samples between which the joints
                 change their branch.
         """
-        return posing.follow(self, path, duration, samples, guess, what)
+        return path_following.follow(self, path, duration, samples, guess, what)
 
     # Charts
 

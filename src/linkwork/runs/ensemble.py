@@ -24,6 +24,7 @@ from linkwork.notebooks import Portrayed
 from linkwork.patience import hushed, ongoing
 from linkwork.runs import following
 from linkwork.runs.accuracy import compared, repeatable, tightened
+from linkwork.runs.endings import ending, singular_times
 from linkwork.runs.measuring import measured
 from linkwork.runs.members import Members, members
 from linkwork.runs.one_by_one import Progress, SingleRun, Task, by_themselves
@@ -37,7 +38,6 @@ from linkwork.runs.quantities import (
     labels,
     told_by,
 )
-from linkwork.runs.recording import ending, singular_times
 from linkwork.runs.running import smooth, watched
 from linkwork.runs.saved_rows import SavedRows, last_states, saved
 from linkwork.runs.saved_states import Aim

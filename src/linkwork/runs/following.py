@@ -20,8 +20,8 @@ from linkwork.runs.passage import Segment
 from linkwork.simulation import Status, Trajectory
 
 if TYPE_CHECKING:
-    from linkwork.model.labels import Labels
     from linkwork.model.model import Model
+    from linkwork.model.whole_turns import TurnedLabels
     from linkwork.runs.members import Members
 
 DENSE, NEAR = 2.0, 1.0
@@ -51,13 +51,13 @@ class SampledMotion:
             ),
         )
 
-    def windings(self, labels: Labels, first: np.ndarray) -> np.ndarray:
+    def windings(self, labels: TurnedLabels, first: np.ndarray) -> np.ndarray:
         """Return the whole turns of joints' coordinates (..., K, m), from those at the first time
         (..., m) on."""
         begun = labels.turned(self.read, np.broadcast_to(first[..., None, :], self.read.shape))
         return labels.windings(labels.unwrapped(self.time, begun, self.rates), self.read)
 
-    def sure(self, labels: Labels, steps: np.ndarray, times: np.ndarray) -> np.ndarray:
+    def sure(self, labels: TurnedLabels, steps: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Tell of runs (N,) whether their times are so dense that nothing turns unseen.
 
         steps, times: how many each took and has (N,)

@@ -14,9 +14,9 @@ from threading import Event
 from typing import NamedTuple
 
 from linkwork.model import chart_transfer
+from linkwork.runs.endings import ending, statistics
 from linkwork.runs.members import Members
 from linkwork.runs.passage import Departure, Passage, Segment, Stand
-from linkwork.runs.recording import ending, statistics
 from linkwork.runs.settings import Settings
 from linkwork.simulation import Statistics, Status
 from linkwork.threads import dealt, usable_processors

@@ -7,10 +7,9 @@ is the same in all charts.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,15 +23,14 @@ from linkwork.control.events import Event
 from linkwork.control.joined import DIRECTION, Joined
 from linkwork.control.kept_traces import acting_once
 from linkwork.control.sampler import Sampler
-from linkwork.control.tracing import CONTROLLER, Reference, ordered
+from linkwork.control.tracing import Reference
 from linkwork.control.wrenches import Wrench
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.kernels.bound import BoundFunction
 from linkwork.model import checks
 from linkwork.model.charts import BUILDING, CompiledChart
-from linkwork.model.labels import Labels
-from linkwork.model.observing import observation
+from linkwork.runs.sampled_calls import Callback
 from linkwork.simulation import Condition, Control, Events, Sampled, Signal, as_signal
 from linkwork.simulation.events import Watch
 
@@ -43,7 +41,6 @@ if TYPE_CHECKING:
 Forces = ArrayLike | Mapping[str, float] | Sampled | Signal | Sampler | Callable[..., Any] | None
 FREE = 1e300  # absolute tolerance of numbers that may err
 GIVEN = Sampled, Signal  # forces that are given over time
-KERNEL = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_double))
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,71 +213,10 @@ class System:
 
     @cached_property
     def _callback(self) -> Callable[[CompiledChart], Callback]:
-        return lru_cache(maxsize=None)(lambda chart: Callback(self, chart))
-
-
-@dataclass(frozen=True, eq=False)
-class Callback:
-    """Call a sampled Python function from machine code: (y, u, p) -> held inputs, oldest command
-    first.
-
-    What the function raises is kept, and numbers that are undefined end the run.
-    """
-
-    system: System
-    chart: CompiledChart
-
-    @cached_property
-    def labels(self) -> Labels:
-        return Labels(self.chart)
-
-    @cached_property
-    def _function(self) -> Any:
-        return KERNEL(self._call)
-
-    @cached_property
-    def _ends(self) -> list[int]:
-        """Where q, v, z, the signals and the held inputs end in a kernel's input."""
-        acting, equations = self.system.acting, self.chart.equations
+        acting, signals = self.acting, self.inputs.coefficients.shape[2]
         assert acting is not None
-        signals = self.system.inputs.coefficients.shape[2]
-        return np.cumsum(
-            [equations.nq, equations.mobility, len(self.system.states), signals, acting.held]
-        ).tolist()
-
-    @property
-    def address(self) -> int:
-        """Address of void(const double *in, double *out)."""
-        return ctypes.cast(self._function, ctypes.c_void_p).value or 0
-
-    def _turned(self, z: np.ndarray, read: np.ndarray) -> np.ndarray:
-        """Return the coordinates of all joints with the turns of those that are followed."""
-        goal, names = read.copy(), self.system.states[len(self.system.extras) :]
-        goal[[self.labels.equations.mechanism.coordinates.index(state.name) for state in names]] = (
-            z[len(z) - len(names) :]
-        )
-        return self.labels.nearest(read, goal)
-
-    def _call(self, x: Any, out: Any) -> None:
-        try:
-            acting = self.system.acting
-            assert acting is not None
-            actuators, ends = acting.names.actuators, self._ends
-            q, v, z, references, held = np.split(
-                np.ctypeslib.as_array(x, (ends[-1],)).copy(), ends[:-1]
-            )
-            result, later = np.ctypeslib.as_array(out, (held.size,)), held[len(actuators) :]
-            result[:] = [*later, *np.full(len(actuators), np.nan)]
-            if self.system.faults:
-                return
-            parameters = dict(zip(acting.parameters, self.system.parameters, strict=True))
-            state = observation(
-                self.chart, acting.names, q, v, z, parameters, partial(self._turned, z)
-            )
-            forces = acting.sampler.law(float(references[0]), state)  # pyright: ignore
-            result[later.size :] = ordered(forces, actuators, CONTROLLER)
-        except BaseException as error:
-            self.system.faults.append(error)
+        held = self.states, len(self.extras), signals, self.parameters, self.faults
+        return lru_cache(maxsize=None)(lambda chart: Callback(chart, acting, *held))
 
 
 def system(

@@ -4,7 +4,9 @@ The package knows nothing of robots: it is given the machine addresses of the eq
 and of the loop closure.
 """
 
+from linkwork.simulation.eighth_order import dop853
 from linkwork.simulation.events import Condition, Control, Events, Occurrences, Pace
+from linkwork.simulation.fixed_steps import RK4, FixedStep, SymplecticEuler
 from linkwork.simulation.integration import integrate
 from linkwork.simulation.methods import FIXED, METHODS, Method, MethodName, integrator
 from linkwork.simulation.rosenbrock import RODAS, Rosenbrock
@@ -12,15 +14,7 @@ from linkwork.simulation.run import Run, Statistics, Variable
 from linkwork.simulation.sharp_smart import SHARP_SMART
 from linkwork.simulation.signals import Sampled, Signal, as_signal, clock, stack
 from linkwork.simulation.status import Status
-from linkwork.simulation.tableaus import (
-    BOGACKI_SHAMPINE,
-    DORMAND_PRINCE,
-    RK4,
-    FixedStep,
-    SymplecticEuler,
-    Tableau,
-    dop853,
-)
+from linkwork.simulation.tableaus import BOGACKI_SHAMPINE, DORMAND_PRINCE, Tableau
 from linkwork.simulation.trajectory import Trajectory
 from linkwork.simulation.turns import Turning
 

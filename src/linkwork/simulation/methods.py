@@ -12,16 +12,11 @@ from typing import Literal
 
 from linkwork.checks import known, positive
 from linkwork.errors import LinkworkError
+from linkwork.simulation.eighth_order import dop853
+from linkwork.simulation.fixed_steps import RK4, FixedStep, SymplecticEuler
 from linkwork.simulation.rosenbrock import RODAS, Rosenbrock
 from linkwork.simulation.sharp_smart import SHARP_SMART
-from linkwork.simulation.tableaus import (
-    DORMAND_PRINCE,
-    RK4,
-    FixedStep,
-    SymplecticEuler,
-    Tableau,
-    dop853,
-)
+from linkwork.simulation.tableaus import DORMAND_PRINCE, Tableau
 
 Method = Tableau | Rosenbrock | FixedStep
 MethodName = Literal["sharp_smart", "dormand_prince", "dop853", "rodas", "rk4", "symplectic_euler"]

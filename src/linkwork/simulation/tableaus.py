@@ -18,9 +18,7 @@ slopes, with the quartic term d_i that raises its order:
 
 Sources: Dormand & Prince, J. Comp. Appl. Math. 6 (1980) 19-26, and Hairer, Norsett & Wanner,
 Solving Ordinary Differential Equations I, 2nd ed. (1993), table II.5.2 and sec. II.6
-(dense output), sec. II.10 (DOP853, its numbers from SciPy), and table II.1.2 (Kutta's method of
-order 4); Bogacki & Shampine, Appl. Math. Lett. 2 (1989) 321-325. Symplectic Euler: Hairer, Lubich &
-Wanner, Geometric Numerical Integration, 2nd ed. (2006), sec. I.1.2.
+(dense output); Bogacki & Shampine, Appl. Math. Lett. 2 (1989) 321-325.
 """
 
 from collections.abc import Sequence
@@ -31,8 +29,6 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.polynomial import polynomial
-
-from linkwork.errors import LinkworkError
 
 LANES = 4  # numbers of a vector in which weights are added up
 
@@ -118,30 +114,6 @@ class Tableau:
         return float((-roots.real[(abs(roots.imag) < 1e-6) & (roots.real < -1e-3)]).min())
 
 
-@dataclass(frozen=True)
-class FixedStep:
-    """Take steps of one length, for real time.
-
-    `step`: s; steps end at its multiples, and also where the forces jump, a sampled controller
-    acts, or the run ends. `name`, `order`, `plan`: as of a `Tableau`.  Raises `LinkworkError` for a
-    step that is not positive and finite.
-    """
-
-    step: float
-    name: ClassVar[str]
-    order: ClassVar[int]
-    plan: ClassVar[StepPlan]
-    stiff: ClassVar[bool] = False
-    in_lanes: ClassVar[bool] = False
-    stability: ClassVar[float] = 0.0
-
-    def __post_init__(self):
-        if not 0 < self.step < np.inf:
-            raise LinkworkError(
-                f"the step of a method of fixed step must be positive and finite, not {self.step} s"
-            )
-
-
 @cache
 def _pair_plan(tableau: Tableau) -> StepPlan:
     s, rows = len(tableau.c), len(tableau.dense)
@@ -168,15 +140,15 @@ def _tableau(
 ) -> Tableau:
     """Build a tableau from its printed fractions: the rows of a, the weights of the lower order,
     the dense output's d."""
-    a = [_fractions(row, len(rows)) for row in rows]
+    a = [fractions(row, len(rows)) for row in rows]
     b = a[-1]
-    e = [high - low for high, low in zip(b, _fractions(lower, len(rows)), strict=True)]
-    d = _fractions(quartic, len(rows))
-    a, c, e, dense = (frozen(x) for x in (a, [sum(row) for row in a], e, _hermite(b, d)))
+    e = [high - low for high, low in zip(b, fractions(lower, len(rows)), strict=True)]
+    d = fractions(quartic, len(rows))
+    a, c, e, dense = (frozen(x) for x in (a, [sum(row) for row in a], e, hermite(b, d)))
     return Tableau(name, order, error_order, a, c, e, dense)
 
 
-def _hermite(b: list[Fraction], d: list[Fraction]) -> list[list[Fraction]]:
+def hermite(b: list[Fraction], d: list[Fraction]) -> list[list[Fraction]]:
     """Return P of Hermite's cubic with the quartic term d, of a method whose last stage is
     evaluated at the new state."""
     first = [Fraction(i == 0) for i in range(len(b))]
@@ -186,7 +158,7 @@ def _hermite(b: list[Fraction], d: list[Fraction]) -> list[list[Fraction]]:
     ]
 
 
-def _fractions(text: str, length: int) -> list[Fraction]:
+def fractions(text: str, length: int) -> list[Fraction]:
     printed = [Fraction(word) for word in text.split()]
     return printed + [Fraction(0)] * (length - len(printed))
 
@@ -234,81 +206,3 @@ BOGACKI_SHAMPINE = _tableau(
     lower="7/24 1/4 1/3 1/8",
     quartic="",
 )
-
-
-@cache
-def dop853() -> Tableau:
-    """Return the pair 8(5,3) of Dormand & Prince, with dense output of order 7."""
-    from scipy.integrate._ivp import dop853_coefficients as printed
-
-    s = printed.N_STAGES + 1
-    a = np.vstack([printed.A[: s - 1, :s], np.append(printed.B, 0)])
-    a, c, e, dense = map(frozen, (a, printed.C[:s], printed.E5, _dop853_dense(printed)))
-    more = frozen(printed.A[s:]), frozen(printed.C[s:])
-    return Tableau("DOP853", 8, 7, a, c, e, dense, 100.0, frozen(printed.E3), *more)
-
-
-def _dop853_dense(printed) -> np.ndarray:
-    """Return P of  theta (F_0 + (1 - theta) (F_1 + theta (F_2 + (1 - theta) (F_3 + ... + theta
-    F_6)))),  F = sum_i F_i k_i.
-
-    F_0 = b, F_1 = delta_1 - b, F_2 = 2 b - delta_1 - delta_s, and the tabulated D
-    (Hairer's CONTD8).
-    """
-    b, first, last = np.zeros((3, printed.N_STAGES_EXTENDED))
-    b[: printed.N_STAGES], first[0], last[printed.N_STAGES] = printed.B, 1, 1
-    F = [b, first - b, 2 * b - first - last, *printed.D]
-    factors = [[0, 1], [1, -1]]  # theta, 1 - theta
-    dense = np.zeros((printed.N_STAGES_EXTENDED, len(F)))
-    product = np.array([1.0])
-    for j, row in enumerate(F):
-        product = polynomial.polymul(product, factors[j % 2])
-        dense[:, : len(product) - 1] += np.outer(row, product[1:])
-    return dense
-
-
-_KUTTA_ROWS = [_fractions(row, 5) for row in ("", "1/2", "0 1/2", "0 0 1", "1/6 1/3 1/3 1/6")]
-_KUTTA = StepPlan(
-    a=frozen(_KUTTA_ROWS),
-    c=frozen([sum(row) for row in _KUTTA_ROWS]),
-    e=frozen(np.empty((0, 5))),
-    dense=by_powers(_hermite(_KUTTA_ROWS[-1], _fractions("", 5))),
-    solution=4,
-    computed=4,
-    exponent=0.0,
-)
-_EULER = StepPlan(
-    a=frozen([[0, 0], [1, 0]]),
-    c=frozen([0, 0]),
-    e=frozen(np.empty((0, 2))),
-    dense=by_powers([[1], [0]]),
-    solution=1,
-    computed=2,
-    exponent=0.0,
-)
-
-
-class RK4(FixedStep):
-    """Take steps of one length by Kutta's method of order 4: four evaluations each.
-
-    Dense output: Hermite's cubic. step: s, as in `FixedStep`.
-    """
-
-    name = "Runge-Kutta 4"
-    order = 4
-    plan = _KUTTA
-
-
-class SymplecticEuler(FixedStep):
-    """Take steps of one length by the semi-implicit Euler method: the rates first, then q with the
-    new rates.
-
-        v_1 = v_0 + h v'(q_0, v_0),    q_1 = q_0 + h L(q_0) v_1
-
-    Two evaluations a step, of order 1; its energy does not drift where M is constant. Extra states
-    are stepped with the rates. Dense output: straight lines. step: s, as in `FixedStep`.
-    """
-
-    name = "symplectic Euler"
-    order = 1
-    plan = _EULER

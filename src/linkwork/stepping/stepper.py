@@ -22,7 +22,7 @@ from linkwork.errors import LinkworkError
 from linkwork.model import chart_transfer, checks
 from linkwork.model.state import State
 from linkwork.patience import interruptions_held
-from linkwork.runs import recording, running
+from linkwork.runs import endings, recording, running
 from linkwork.runs.passage import SOFT, Departure, Segment, Stand, portion
 from linkwork.runs.recording import Left
 from linkwork.runs.run_record import RunRecord
@@ -234,8 +234,8 @@ class Stepper:
         stepper."""
         record, segments = self._record(), [self._segment(Status.FINISHED)]
         done = segments[0].trajectory
-        told = recording.asked(self._robot, self._system, self._settings)
-        told |= recording.told(self._system, segments) | record.final_windings()
+        told = endings.asked(self._robot, self._system, self._settings)
+        told |= endings.told(self._system, segments) | record.final_windings()
         return Run(
             variables=record,
             coords=Deferred({recording.COORDS: record.coords}),
@@ -374,7 +374,7 @@ class Stepper:
                 )  # fmt: skip
         stand = passage.after(here, done)
         if stand is None:
-            _, message = recording.ended(self._system, self._segment(done.status))
+            _, message = endings.ended(self._system, self._segment(done.status))
             raise StepError(f"{message} {KEPT}", done.status, done.end_time)
         return stand
 

@@ -1,0 +1,187 @@
+"""Around home: the reference at which a mechanism is closed, and closed configurations about it, at
+which choices are made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from itertools import chain, islice
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from linkwork.equations.algebra import dense
+from linkwork.equations.equations import ClosureRows, smallest_singular
+from linkwork.equations.homing import ROUNDED, closed_reference, closing, home, jacobians
+from linkwork.equations.independence import independent_rows, largest_rows
+from linkwork.equations.joint_map import JointMap
+from linkwork.equations.nearest import moved
+from linkwork.equations.reference import (
+    OPEN,
+    ROUNDED_DAMPING,
+    OpenLoopsError,
+    bends,
+    close,
+    neighbours,
+    unit,
+)
+from linkwork.equations.reflections import reflect
+from linkwork.equations.tree import Tree
+from linkwork.mechanism import MechanismError
+
+SHOWN = 6  # coordinates in a note
+REGULAR = 1e-3  # least singular value at a bent reference, in own units
+DEPENDENT = 1e-9  # what is left of a row, over the longest, that depends on the others
+ROUNDED_RANK = 1e-5
+"""Singular value over the largest, and what is left of a row over the longest, that rounded numbers
+make."""
+NEAR = 12  # bends beside a reference that is closed, but singular
+BENT = (
+    "branches of motion meet at the given reference, as where a linkage lies in a line; home is "
+    "bent to {}; give a reference on the branch that is meant"
+)
+ASIDE = (
+    "the loops do not close at the coordinates of the reference; home is near them, with its "
+    "actuated ones where these can be met, and has moved {}"
+)
+UNHELD = (
+    "redundant rows stay open by up to {:.2g} near home (lengths over the mechanism's own, and "
+    "rad), as rounded numbers leave them: {}; the other rows are closed exactly, these are not held"
+)
+
+
+class ClosedSamples(NamedTuple):
+    """Hold the rows, the closed reference and closed configurations near it, Phi there in own
+    units, and notes."""
+
+    rows: ClosureRows
+    configurations: list[np.ndarray]
+    Phi: list[np.ndarray]
+    notes: tuple[str, ...]
+
+
+def closed_samples(
+    joints: JointMap,
+    rows: ClosureRows,
+    start: np.ndarray,
+    starts: Callable[[], Iterable[np.ndarray]],
+) -> ClosedSamples:
+    """Close the loops at the reference and near it.
+
+    Where rounded numbers leave redundant rows open, these are not held; where the rows lose rank at
+    the reference, or at a start that leads to none, another one is looked for beside it.
+    """
+    # The reference, with fewer rows held where rounded numbers leave some open.
+    tree = joints.tree
+    try:
+        reference = home(joints, rows, start, starts())
+    except MechanismError:
+        if (fewer := held(tree, rows, starts())) is not None:
+            return closed_samples(joints, fewer, start, starts)
+        if not singular_start(tree, rows, start):
+            raise
+        reference = home(joints, rows, start, chain([start], bends(tree, start)))
+    # Rows that hardly depend on each other may only seem to be independent.
+    samples = about(tree, rows, reference)
+    rounded = unheld_notes(tree, rows, samples[0])
+    doubtful = nearly_dependent(samples[1][0]) or len(samples[0]) == 1
+    if doubtful and (fewer := held(tree, rows, starts())) is not None:
+        return closed_samples(joints, fewer, start, starts)
+    # A reference that has the rank of its neighbours will do; else one is looked for beside it.
+    rank = len(independent_rows(samples[1]))
+    if len(independent_rows(samples[1][:1])) == rank:
+        return ClosedSamples(rows, *samples, (*moved_notes(joints, reference), *rounded))
+    beside = bent(tree, rows, reference, rank)
+    if beside is None:
+        return ClosedSamples(rows, samples[0][:1], samples[1][:1], rounded)
+    where = ", ".join(
+        f"{label} = {x:.3g}"
+        for label, x in list(zip(tree.coordinates, beside, strict=True))[:SHOWN]
+    )
+    samples = about(tree, rows, beside)
+    notes = BENT.format(where), *unheld_notes(tree, rows, samples[0])
+    return ClosedSamples(rows, *samples, notes)
+
+
+def moved_notes(joints: JointMap, q: np.ndarray) -> tuple[str, ...]:
+    """Return a note on the coordinates that home cannot have as the reference gives them, if there
+    are any."""
+    given = joints.mechanism.reference
+    found = [f"{x} from {given[x]:.3g} to {value:.3g}" for x, value in moved(joints, q).items()]
+    more = f" and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
+    return (ASIDE.format(", ".join(found[:SHOWN]) + more),) if found else ()
+
+
+def held(tree: Tree, rows: ClosureRows, starts: Iterable[np.ndarray]) -> ClosureRows | None:
+    """Return the rows without redundant ones that rounded numbers leave open; None where that is
+    not what does.
+
+    They may close where the numbers were rounded, as at zero angles, and open where the mechanism
+    moves.
+    """
+    system = closing(tree, replace(rows, units=rows.units * rows.extents))
+    for start in starts if rows.unheld is None else ():
+        with suppress(OpenLoopsError):
+            q = close(system, tree, start, gap=ROUNDED, damping=ROUNDED_DAMPING)
+            near = neighbours(system, tree, q, ROUNDED, ROUNDED_DAMPING)
+            samples = np.array(jacobians(tree, rows, [q, *near]))
+            values = np.linalg.svd(samples, compute_uv=False)
+            rank = int((values > ROUNDED_RANK * values[:, :1]).sum(axis=1).max())
+            opens = np.abs(system(q)[0]).max(initial=0.0) > OPEN or (
+                near and not neighbours(system, tree, q)
+            )
+            if opens and rank < len(rows.names):
+                kept = sorted(largest_rows(samples[np.argmax(values[:, rank - 1])], rank))
+                left = [index for index in range(len(rows.names)) if index not in kept]
+                return replace(rows.part(kept), unheld=rows.part(left))
+    return None
+
+
+def nearly_dependent(Phi: np.ndarray) -> bool:
+    """Tell whether some rows depend on others but for rounded numbers: where such rows close, it is
+    far off by chance."""
+    return len(reflect(Phi, DEPENDENT).rows) > len(reflect(Phi, ROUNDED_RANK).rows)
+
+
+def unheld_notes(
+    tree: Tree, rows: ClosureRows, configurations: Sequence[np.ndarray]
+) -> tuple[str, ...]:
+    """Return a note on the rows that are not held, if there are any, with their gap at
+    configurations near home."""
+    if rows.unheld is None:
+        return ()
+    gaps = tree.evaluated("unheld", [rows.unheld_gap])
+    gap = max(float(gaps(q)[0]) for q in configurations)
+    return (UNHELD.format(gap, ", ".join(rows.unheld.names)),)
+
+
+def about(
+    tree: Tree, rows: ClosureRows, reference: np.ndarray
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return a closed configuration and closed ones near it, and Phi at each in the mechanism's own
+    units."""
+    configurations = [reference, *neighbours(closing(tree, rows), tree, reference)]
+    return configurations, jacobians(tree, rows, configurations)
+
+
+def singular_start(tree: Tree, rows: ClosureRows, start: np.ndarray) -> bool:
+    """Tell whether the rows lose rank at an open start, compared with what is beside it."""
+    system = closing(tree, rows)
+    ranks = [
+        len(reflect(dense(ca.DM(system(unit(tree, q))[1]))).rows)
+        for q in (start, *islice(bends(tree, start), 4))
+    ]
+    return ranks[0] < max(ranks)
+
+
+def bent(tree: Tree, rows: ClosureRows, reference: np.ndarray, rank: int) -> np.ndarray | None:
+    """Return the closed configuration beside a singular one at which the rows are farthest from
+    losing rank, if any is."""
+    found = []
+    for start in islice(bends(tree, reference), NEAR):
+        with suppress(MechanismError):
+            found.append(closed_reference(tree, rows, [start]))
+    values = [float(smallest_singular(Phi, rank)) for Phi in jacobians(tree, rows, found)]
+    return found[int(np.argmax(values))] if max(values, default=0.0) > REGULAR else None

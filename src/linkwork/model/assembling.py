@@ -1,0 +1,123 @@
+"""Assembling: make states from values of some joints' coordinates, and from tool poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from linkwork.checks import shown
+from linkwork.errors import LinkworkError
+from linkwork.model import checks, task
+from linkwork.model.asked import JointsAsked
+from linkwork.model.assembly import UnreachableError
+from linkwork.model.leading import Leader
+from linkwork.model.posing import Rates, stacked, start_of
+from linkwork.model.state import State, with_positions
+from linkwork.model.turning import turned
+
+if TYPE_CHECKING:
+    from linkwork.model.model import Model
+
+BRANCHES = ("guess", "any")
+
+Placed = tuple[list[int], np.ndarray] | None
+
+
+def assemble(
+    robot: Model,
+    joints: Mapping[str, ArrayLike] | None,
+    tool: ArrayLike | Mapping[str, ArrayLike] | None,
+    rates: Rates,
+    guess: State | None,
+    branch: str = "guess",
+) -> State:
+    """Close the loops at given joint coordinates or at a tool pose: `Robot.assemble`."""
+    start, asked = start_of(robot, guess), None
+    if branch not in BRANCHES:
+        raise LinkworkError(f"branch is {branch!r}; give {' or '.join(map(repr, BRANCHES))}")
+    if isinstance(joints, Mapping) and tool is None:
+        names, values = asked_of(robot, joints)
+        asked = [robot.coordinates.index(name) for name in names], values
+        q = at_joints(robot, names, values, start)
+    elif tool is not None and joints is None:
+        asked_tool, values = task.asked(robot, tool)
+        q = led(robot.leader_of_tool(asked_tool, kept=branch == "guess"), start, values)
+    else:
+        raise LinkworkError("say where to assemble: joint coordinates by name, or tool=pose")
+    return wound(robot, stacked(robot, q, rates), robot.home if guess is None else guess, asked)
+
+
+def asked_of(robot: Model, joints: Mapping[str, ArrayLike]) -> tuple[tuple[str, ...], np.ndarray]:
+    """Return the names of joint coordinates and their values (..., names)."""
+    parts = {name: checks.finite(value, f"joint {name!r}") for name, value in joints.items()}
+    checks.known(parts, robot.coordinates, "joint")
+    needed = robot.mobility - len(robot.spins)
+    for name, part in parts.items():
+        if part.ndim and len(parts) < needed:
+            raise LinkworkError(
+                f"joint {name!r} is {shown(part.tolist())}; give one number, or values of "
+                f"{needed} joints for a stack"
+            )
+    batch = checks.together(*{part.shape for part in parts.values()} or ((),))
+    values = np.empty((*batch, len(parts)))
+    for k, part in enumerate(parts.values()):
+        values[..., k] = part
+    return tuple(parts), values
+
+
+def at_joints(
+    robot: Model, names: tuple[str, ...], values: np.ndarray, start: np.ndarray
+) -> np.ndarray:
+    """Return q (..., nq) at joint coordinates (..., names), with the whole turns of what is asked.
+
+    Stacks, and values of the independent ones, are led to on the branch of the start.
+    """
+    asked = robot.joints_asked(names)
+    independent = robot.determined_by(asked) and set(names) == set(robot.independent)
+    if values.ndim > 1 or independent:
+        q = led(robot.leader_of_joints(asked), start, values)
+    else:
+        q = alone(robot, asked, values, start)
+    return turned(robot.chart, q, asked.turns, values[..., asked.angular]) if asked.turns else q
+
+
+def alone(robot: Model, asked: JointsAsked, values: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Return q (nq) at any joint coordinates (rows) that shortened steps from a start lead to."""
+    try:
+        return robot.assembler.at(robot.least(asked), values, start)
+    except UnreachableError as error:
+        if values.size <= robot.mobility:
+            raise
+        raise UnreachableError(
+            f"{values.size} joints are given, but {robot.mobility} determine all others; leave "
+            f"some out, or give values that fit together: {error}"
+        ) from None
+
+
+def led(leader: Leader, start: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return q (..., nq) at what is asked (..., rows)."""
+    q = leader.lead(start, values.reshape(-1, values.shape[-1]))
+    return q.reshape(*values.shape[:-1], start.size)
+
+
+def wound(robot: Model, made: State, guess: State, asked: Placed = None) -> State:
+    """Return states with the whole turns of joints that close loops as near as they come to what is
+    asked, by place.
+
+    Others keep those of the guess: as many where they are read without a jump, else as near as they
+    come to it.
+    """
+    labels = robot.labels
+    if not labels.may_wind:
+        return made
+    kept = made.positions
+    if guess is not robot.home:
+        kept = labels.turned(kept, np.broadcast_to(robot.windings(guess), kept.shape))
+    goal = np.where(labels.jumps, guess.positions, kept)
+    if asked is not None:
+        places, values = asked
+        goal[..., places] = values
+    return with_positions(made, labels.nearest(made.positions, goal))
