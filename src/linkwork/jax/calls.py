@@ -11,7 +11,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from linkwork.jax.evaluation import block_text, chunk_text
+from linkwork.jax.dense_rows import chunk_text
+from linkwork.jax.evaluation import block_text
 from linkwork.jax.handler import Sentences, handler_text
 from linkwork.kernels import Kernel
 from linkwork.kernels.compile import Code, object_code

@@ -7,14 +7,10 @@ not finite: 0 x is not zero there.
 
 from __future__ import annotations
 
-from linkwork.jax.dense_rows import dense_text
-from linkwork.jax.handler import CHUNK, UNDEFINED, WEAK
+from linkwork.jax.handler import UNDEFINED, WEAK
 from linkwork.kernels import Kernel
 from linkwork.kernels.lines import Lines, function_text
 from linkwork.kernels.machine import Machine
-from linkwork.kernels.stored_states import LONG
-
-SUMS = 4  # that the processor makes at a time
 
 
 def block_text(kernel: Kernel, weighed: bool, bound: float, machine: Machine) -> str:
@@ -45,64 +41,6 @@ def block_text(kernel: Kernel, weighed: bool, bound: float, machine: Machine) ->
     head = "internal i64 @block(i64 %states, ptr %in, ptr %strides, ptr %out) noinline"
     own = function_text(f"{head} {machine.attributes}", lines.text)
     return f"{finite_text(machine)}\n\n{own}"
-
-
-def chunk_text(kernel: Kernel, weighed: bool, bound: float, machine: Machine) -> str:
-    """Return the LLVM function `chunk` of a kernel, which tells whether all states are well."""
-    lines, size = Lines(machine.lanes), kernel.outputs[0][1]
-    V, sizes = lines.number, [each for _, each in kernel.inputs]
-    lines.do(f"%x = alloca [{kernel.n_in} x {V}], align 64")
-    lines.do(f"%y = alloca [{kernel.n_out} x {V}], align 64")
-    lines.do(f"%pivots = alloca [{CHUNK} x double], align 64")
-    lines.do("%rows = alloca [2 x ptr]")
-    lines.do("%found = load ptr, ptr %out")
-    # Rows without gaps take the short way, unless they are so long that nothing is gained.
-    dense = "true" if max(*sizes, size) <= LONG else "false"
-    for k, each in enumerate(sizes):
-        place = lines.let(f"getelementptr inbounds i64, ptr %strides, i64 {k}")
-        same = lines.let(f"icmp eq i64 {lines.let(f'load i64, ptr {place}')}, {each}")
-        dense = lines.let(f"and i1 {dense}, {same}")
-    lines.do(f"br i1 {dense}, label %dense, label %any")
-    lines.label("dense")
-    lines.do("call void @dense(ptr %in, ptr %found, ptr %pivots)")
-    lines.do("br label %evaluated")
-    lines.label("any")
-    lines.do("store ptr %found, ptr %rows")
-    second = lines.let("getelementptr inbounds ptr, ptr %rows, i64 1")
-    lines.do(f"store ptr %pivots, ptr {second}")
-    evaluate = f"inttoptr (i64 {kernel.rows_address} to ptr)"
-    lines.do(f"call void {evaluate}(i64 {CHUNK}, ptr %in, ptr %strides, ptr %rows, ptr %x, ptr %y)")
-    lines.do("br label %evaluated")
-    lines.label("evaluated")
-    # Sums of 0 y, several side by side, and the smallest pivot.
-    lines.do("br label %next")
-    lines.label("next")
-    lines.do("%i = phi i64 [ 0, %evaluated ], [ %i.next, %next ]")
-    for k in range(SUMS):
-        lines.do(f"%sum.{k} = phi {V} [ zeroinitializer, %evaluated ], [ %sum.{k}.next, %next ]")
-    for k in range(SUMS):
-        place = lines.let(f"add i64 %i, {k}")
-        address = lines.let(f"getelementptr inbounds {V}, ptr %found, i64 {place}")
-        value = lines.let(f"load {V}, ptr {address}, align 8")
-        none = lines.let(f"fmul {V} {value}, zeroinitializer")
-        lines.do(f"%sum.{k}.next = fadd {V} %sum.{k}, {none}")
-    lines.do(f"%i.next = add i64 %i, {SUMS}")
-    lines.do(f"%more = icmp slt i64 %i.next, {CHUNK // machine.lanes * size}")
-    lines.do("br i1 %more, label %next, label %summed")
-    lines.label("summed")
-    total = "%sum.0.next"
-    for k in range(1, SUMS):
-        total = lines.op("fadd", total, f"%sum.{k}.next")
-    well = lines.compare("ord", total, total)
-    for k in range(CHUNK // machine.lanes if weighed else 0):
-        pivot = lines.call("fabs", lines.load("%pivots", k))
-        strong = lines.compare("ogt", pivot, lines.constant(bound))
-        well = lines.let(f"and {lines.truth} {well}, {strong}")
-    every = f"call i1 @llvm.vector.reduce.and.v{lines.width}i1({lines.truth} {well})"
-    lines.do(f"ret i1 {lines.let(every)}")
-    head = "internal i1 @chunk(ptr %in, ptr %strides, ptr %out) noinline"
-    own = function_text(f"{head} {machine.attributes}", lines.text)
-    return f"{dense_text(kernel, machine)}\n\n{own}"
 
 
 def finite_text(machine: Machine) -> str:
