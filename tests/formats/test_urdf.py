@@ -276,6 +276,37 @@ def test_elements_that_are_not_read_are_named(tmp_path):
     assert not any("joint_properties" in note or "material" in note for note in imported.notes)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "alters"),
+    [
+        ("</robot>", '<xacro:property name="m" value="3"/></robot>', False),
+        ("</robot>", '<xacro:leg name="l"/></robot>', True),
+        ("</link>", '<xacro:sphere_inertial r="1"/></link>', True),
+    ],
+)
+def test_macros_that_make_nothing_are_left_out_and_others_are_told(old, new, alters, tmp_path):
+    imported = read(arm().replace(old, new), tmp_path)
+    assert any("is a macro; expand the file with xacro first" in note for note in imported.notes)
+    assert any("macro" in caveat for caveat in imported.mechanism.caveats) == alters
+
+
+def test_what_only_a_macro_would_make_is_refused_with_that_reason(tmp_path):
+    text = arm().replace('<child link="b"/>', '<child link="l"/>')
+    with pytest.raises(MechanismError, match=r"<xacro:leg>: is a macro; .*there is no link 'l'"):
+        read(text.replace("</robot>", "<xacro:leg/></robot>"), tmp_path)
+    with pytest.raises(MechanismError, match=r"which is a macro; expand the file with xacro"):
+        read(arm().replace('value="1"', 'value="${m}"', 1), tmp_path)
+    with pytest.raises(MechanismError, match=r"xacro arm\.urdf\.xacro > robot\.urdf"):
+        read(arm(), tmp_path, "arm.urdf.xacro")
+
+
+@pytest.mark.parametrize(("word", "count"), [("false", 1), ("true", 0)])
+def test_weight_that_gazebo_switches_off_is_told(word, count, tmp_path):
+    gazebo = f'<gazebo reference="b"><gravity>{word}</gravity></gazebo></robot>'
+    caveats = read(arm().replace("</robot>", gazebo), tmp_path).mechanism.caveats
+    assert sum("weight acts on all bodies" in caveat for caveat in caveats) == count
+
+
 REFUSED = {
     "<robot name='r'/>": "holds no links",
     "<robot><link name='a'/><link name='a'/></robot>": "<link 'a'>: has the name of another link",

@@ -3,6 +3,7 @@ never end in a traceback."""
 
 from xml.etree import ElementTree as ET
 
+import mujoco
 import pytest
 
 from linkwork.formats import load, xml
@@ -84,6 +85,51 @@ def test_other_encodings_are_read(tmp_path):
         '<?xml version="1.0" encoding="iso-8859-1"?><mujoco model="Gerät"/>'.encode("latin-1")
     )
     assert load(path).mechanism.name == "Gerät"
+
+
+BROKEN = {
+    "blank lines first": ("<?xml", "\n\n <?xml"),
+    "hyphens in comments": ("</worldbody>", "<!-- a -- <b/> --->\n</worldbody>"),
+    "a lone ampersand": (
+        "</worldbody>",
+        '</worldbody><custom><text name="x" data="R & D"/></custom>',
+    ),
+    "attributes that touch": ('name="a" pos', 'name="a"pos'),
+    "an unprinted character": ("</worldbody>", "\x0b</worldbody>"),
+    "Windows letters": ("</worldbody>", "<!-- Größe -->\n</worldbody>"),
+    "a document type of a name": ("<mujoco", "<!DOCTYPE mujoco>\n<mujoco"),
+}
+WELL_FORMED = """<?xml version="1.0"?>
+<mujoco model="m"><worldbody>
+ <body name="a" pos="0 0 1"><joint name="j" foo="1"/><geom size="0.1"/></body>
+</worldbody></mujoco>
+"""
+
+
+@pytest.mark.parametrize("kind", BROKEN)
+def test_what_tinyxml_reads_is_read_in_the_same_lines(kind, tmp_path):
+    path = tmp_path / "model.xml"
+    path.write_text(WELL_FORMED)
+    right = load(path)
+    broken = WELL_FORMED.replace(*BROKEN[kind])
+    path.write_bytes(broken.encode("cp1252"))
+    theirs = tmp_path / "theirs.xml"
+    theirs.write_bytes(broken.replace(' foo="1"', "").encode("cp1252"))
+    assert mujoco.MjModel.from_xml_path(str(theirs)).nq == 1
+    imported = load(path)
+    assert imported.mechanism.model_copy(update={"caveats": ()}) == right.mechanism.model_copy(
+        update={"caveats": ()}
+    )
+    line = 1 + broken[: broken.index("<joint")].count("\n")
+    assert any(f"line {line}: <joint 'j'> says foo" in note for note in imported.notes)
+
+
+def test_mending_takes_time_by_the_length_of_the_file(tmp_path):
+    path = tmp_path / "model.xml"
+    for start in ("<!--", " ", "&", '="', "<?xml "):
+        path.write_text("<mujoco>" + start * (4_000_000 // len(start)))
+        with pytest.raises(MechanismError, match="is not well-formed XML"):
+            load(path)
 
 
 def test_includes_in_a_circle_and_without_end(tmp_path):

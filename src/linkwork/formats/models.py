@@ -48,6 +48,7 @@ FORMATS = (
 NATIVE = (".yaml", ".yml")
 MODELS = tuple(suffix for form in FORMATS for suffix in form.suffixes)
 READ = (*NATIVE, *MODELS)
+MACROS = ".xacro"
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,10 @@ def read(path: str | Path, reading: Reading = PLAIN) -> Imported:
         if reading.floating:
             mechanism = floated(mechanism, path.name, notes)
         return Imported(mechanism, (*notes.sentences(), *mechanism.caveats))
+    if suffix == MACROS:
+        raise MechanismError(
+            f"{path}: holds macros; expand the file first: xacro {path.name} > robot.urdf"
+        )
     if suffix not in READ:
         raise MechanismError(f"{path}: a model file ends in {', '.join(READ)}, not {suffix!r}")
     root, notes = xml.read(path), Notes()

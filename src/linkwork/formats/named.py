@@ -9,7 +9,7 @@ from linkwork import robots
 from linkwork.checks import suggestion
 from linkwork.errors import LinkworkError
 from linkwork.formats.floating import floated
-from linkwork.formats.models import FORMATS, NATIVE, READ, Imported, read, warn
+from linkwork.formats.models import FORMATS, MACROS, NATIVE, READ, Imported, read, warn
 from linkwork.formats.notes import Notes
 from linkwork.formats.reading import PLAIN, Reading
 from linkwork.mechanism import Mechanism
@@ -27,7 +27,7 @@ def named(given: str | PathLike[str], reading: Reading = PLAIN) -> Imported:
     if isinstance(given, str) and name in robots.__all__:
         return described(getattr(robots, name)(), name, reading)
     suffix = path.suffix.lower()
-    if suffix in READ:
+    if suffix in (*READ, MACROS):
         near = "" if path.exists() else nearest_file(path)
         if near:
             raise LinkworkError(f"{path}: cannot be read: no such file or directory{near}")

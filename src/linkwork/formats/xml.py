@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 from xml.parsers import expat
 
+from linkwork.formats.mending import mended
 from linkwork.mechanism import MechanismError
 from linkwork.mechanism.document import vanishes
 from linkwork.mechanism.record import HUGE, Record
@@ -24,6 +25,7 @@ DEEPEST = 250  # elements inside one another
 MOST = 400_000  # elements
 ATTRIBUTES = 200  # of one element
 FLAGS = {"true": True, "1": True, "false": False, "0": False}
+MACROS = ("${", "$(")  # what begins as xacro's do
 LONGEST = 600  # letters of what is wrong with an element
 
 R = TypeVar("R", bound=Record)
@@ -159,7 +161,10 @@ class Element:
         try:
             value = float(word.replace("_", "?"))
         except ValueError:
-            raise self.refusal(f"{name} holds {shortened(word)}, which is not a number") from None
+            what = "is not a number"
+            if word.startswith(MACROS):
+                what = "is a macro; expand the file with xacro first"
+            raise self.refusal(f"{name} holds {shortened(word)}, which {what}") from None
         if not isfinite(value):
             raise self.refusal(
                 f"{name} holds {shortened(word, quoted=False)}, which is not a finite number"
@@ -185,14 +190,36 @@ def read(path: Path) -> Element:
     Raises:
         MechanismError: the file cannot be read, is larger than 20 MB, nested deeper than 250
             elements, has more than 400 000 elements, an element with more than 200 attributes, or a
-            document type, or is not well-formed (the line is named).
+            document type that says more than a name, or is not well-formed and not read by others
+            either (the line is named).
     """
     return parsed(contents(path), path)
 
 
 def parsed(data: bytes, path: Path, lined: bool = True) -> Element:
     """Read XML from bytes as `read` does; lined: they are the file's own, and so are the lines that
-    the elements know."""
+    the elements know.
+
+    What is not well-formed but read by others all the same is mended first.
+    """
+    try:
+        return _built(data, path, lined)
+    except _BrokenError as broken:
+        better = mended(data)
+        if better is None or better == data:
+            raise
+        try:
+            return _built(better, path, lined)
+        except _BrokenError:
+            raise broken from None
+
+
+class _BrokenError(MechanismError):
+    """Say that a text is no XML."""
+
+
+def _built(data: bytes, path: Path, lined: bool) -> Element:
+    """Read well-formed XML."""
     parser, building = expat.ParserCreate(), _Building(path)
     parser.buffer_text = True
     parser.StartElementHandler = lambda tag, attributes: building.start(
@@ -200,16 +227,15 @@ def parsed(data: bytes, path: Path, lined: bool = True) -> Element:
     )
     parser.EndElementHandler = building.end
     parser.CharacterDataHandler = building.say
-    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = building.refuse_entities
+    parser.StartDoctypeDeclHandler = building.refuse_doctype
+    parser.EntityDeclHandler = building.refuse_entities
     try:
         parser.Parse(data, True)
     except MechanismError:
         raise
     except expat.ExpatError as error:
         what = expat.errors.messages[error.code]
-        raise MechanismError(
-            f"{path}: line {error.lineno}: is not well-formed XML: {what}"
-        ) from None
+        raise _BrokenError(f"{path}: line {error.lineno}: is not well-formed XML: {what}") from None
     except (LookupError, ValueError):
         raise MechanismError(
             f"{path}: is in an encoding that is not known; save it as UTF-8"
@@ -271,6 +297,13 @@ class _Building:
 
     def end(self, tag: str) -> None:
         self.open.pop()
+
+    def refuse_doctype(
+        self, name: str, system: str | None, public: str | None, inside: bool
+    ) -> None:
+        """Pass over the name of the root, as of <!DOCTYPE robot>; what says more is refused."""
+        if system or public or inside:
+            self.refuse_entities()
 
     def refuse_entities(self, *declaration: Any) -> None:
         raise MechanismError(

@@ -62,6 +62,7 @@ MASSES = {"mass", "inertia", "density"}  # in a link itself, where they are not 
 GAZEBO_READ = ("joint", "springStiffness", "springReference")
 GAZEBO_MOTION = {
     "turnGravityOff": "weight acts on all bodies",
+    "gravity": "weight acts on all bodies",
     "kinematic": "bodies move by forces alone",
     "dampingFactor": "nothing slows bodies down but joints",
     "link": "links are those of the file itself",
@@ -76,6 +77,8 @@ DRAKE_MOTION = (
     "drake:tendon_constraint",
 )
 OFF = ("false", "0", "0.0")
+MACRO = "is a macro; expand the file with xacro first"
+DEFINITIONS = ("xacro:property", "xacro:macro", "xacro:arg")
 SILENT = {
     "robot": {"material", "link", "joint", "loop", "coupling", "constraint", "transmission"},
     "link": {"visual", "collision", "material", "inertial", "origin"},
@@ -104,7 +107,18 @@ def read_urdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
         MechanismError: one sentence that names file, line, element and what would be right.
     """
     # What the file holds, and what closes its loops.
-    _survey(root, notes)
+    macros = _survey(root, notes)
+    if not macros:
+        return _mechanism(root, notes, reading)
+    try:
+        return _mechanism(root, notes, reading)
+    except MechanismError as error:
+        # What is not there may be what a macro would have made.
+        raise macros[0].refusal(f"{MACRO} ({error})") from None
+
+
+def _mechanism(root: Element, notes: Notes, reading: Reading) -> Mechanism:
+    """Read a document whose elements have been looked at."""
     model = read_model(root, notes, reading.floating)
     closures = read_closures(model, notes, reading.merging)
     model.find_frames()
@@ -165,11 +179,14 @@ def _say_what_stands(model: UrdfModel, notes: Notes) -> None:
     )
 
 
-def _survey(root: Element, notes: Notes) -> None:
-    """Note the elements that are not read."""
-    for element in root.children:
-        if element.tag.startswith("xacro:"):
-            raise element.refusal("is a macro; expand the file with xacro first")
+def _survey(root: Element, notes: Notes) -> list[Element]:
+    """Note the elements that are not read, and return the macros among them."""
+    macros = [element for element in root.children if element.tag.startswith("xacro:")]
+    for element in macros:
+        # What defines something makes nothing by itself.
+        alters = element.tag not in DEFINITIONS
+        notes.on(element, f"is left out: it {MACRO}", alters)
+    for element in (each for each in root.children if each not in macros):
         if element.tag == "gazebo":
             _survey_gazebo(element, notes)
         if element.tag not in SILENT["robot"] and not any(element.each(*GAZEBO_READ)):
@@ -179,18 +196,21 @@ def _survey(root: Element, notes: Notes) -> None:
                 alters=element.tag in DRAKE_MOTION,
             )
         for child in element.children if element.tag in ("link", "joint") else ():
-            if child.tag not in SILENT[element.tag] and not _says_nothing(child):
+            if child.tag.startswith("xacro:"):
+                notes.on(child, f"in a <{element.tag}> is left out: it {MACRO}", alters=True)
+            elif child.tag not in SILENT[element.tag] and not _says_nothing(child):
                 notes.on(
                     child,
                     f"in a <{element.tag}> is left out: it is not known here",
                     alters=element.tag == "joint" or child.tag in MASSES,
                 )
+    return macros
 
 
 def _survey_gazebo(element: Element, notes: Notes) -> None:
     """Note what <gazebo> says of the motion that is not read."""
     for child in element.each(*GAZEBO_MOTION):
-        if child.content.lower() not in OFF:
+        if (child.content.lower() in OFF) == (child.tag == "gravity"):
             notes.on(child, f"in a <gazebo> is left out: {GAZEBO_MOTION[child.tag]}", alters=True)
 
 
