@@ -14,6 +14,7 @@ import griffe
 
 from linkwork.control.records import ActingPart
 
+CONTROL = "linkwork.control."
 FIELDS = re.compile(r"^(?!Sources?:|Note:)(`?\w+`?(?:, `?\w+`?)*): (?=\S)", re.M)
 
 
@@ -22,7 +23,7 @@ class Lists(griffe.Extension):
 
     def on_class(self, *, cls: griffe.Class, **kwargs: Any) -> None:
         if cls.docstring:
-            kind = pydoc.locate(cls.path)
+            kind = pydoc.locate(cls.path) if cls.path.startswith(CONTROL) else None
             if isinstance(kind, type) and issubclass(kind, ActingPart):
                 cls.docstring.value = inspect.cleandoc(kind.__doc__ or "")
             cls.docstring.value = listed(cls.docstring.value)
