@@ -129,10 +129,10 @@ class Partials:
         """Add what derivatives with respect to the rows (K, rows) tell of signals and p; return
         what they tell of y (K, n), held inputs (K, nh), and times (K)."""
         y, r, p = (np.einsum("kr,kri->ki", bars, part) for part in (self.y, self.r, self.p))
-        return Pulled(y, r, p.sum(axis=0), self.inputs).against(slopes)
+        return PulledBack(y, r, p.sum(axis=0), self.inputs).against(slopes)
 
 
-class Pulled(NamedTuple):
+class PulledBack(NamedTuple):
     """Hold derivatives of one number by y (K, n) and r (K, nr) at K instants, and by p (np)."""
 
     y: np.ndarray

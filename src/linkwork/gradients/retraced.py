@@ -23,7 +23,7 @@ from linkwork.gradients.links import (
     InputsAt,
     Partials,
     Passing,
-    Pulled,
+    PulledBack,
     ReadOff,
     RunLink,
     Steps,
@@ -144,7 +144,7 @@ class Retraced:
 
     def pulled(
         self, name: str, of: run_kernels.Expressions, own: np.ndarray, bars: np.ndarray
-    ) -> Pulled:
+    ) -> PulledBack:
         """Return the derivatives of a sum of bars (K, rows) times expressions at samples (K) of one
         segment; name: theirs; own: numbers of the samples."""
         states = self.samples.of(own)
@@ -157,7 +157,7 @@ class Retraced:
         x, n = np.concatenate([states.y, states.u], axis=1), states.y.shape[1]
         rows = kernel.flat(x[0], bars[0], p)[None] if len(x) == 1 else kernel(x, bars, p)[0]
         end, inputs = x.shape[1], self.inputs_at(states.t)
-        return Pulled(rows[:, :n], rows[:, n:end], rows[:, end:].sum(axis=0), inputs)
+        return PulledBack(rows[:, :n], rows[:, n:end], rows[:, end:].sum(axis=0), inputs)
 
     def ends(self, place: int) -> bool:
         """Tell whether a sample is of the event that ended the run."""
