@@ -160,3 +160,86 @@ def test_a_free_body_keeps_its_quaternion_and_momentum(tmp_path):
     moving = run(library(robot, tmp_path, STEPS), robot, state, [], 0.1, 20, 1e-10, 1e-11)
     expected = robot.simulate(state, duration=2.0, rtol=1e-11, atol=1e-12).final
     np.testing.assert_allclose(moving.q, expected.q, rtol=1e-8, atol=1e-8)
+
+
+def bouncing(ceiling: float | None = None) -> Robot:
+    """Return a ball of 0.4 kg on a rail, 0.1 m over a floor without losses; under a stop."""
+    ends = lw.Stop(upper=ceiling, stiffness=1e5, exponent=1.0) if ceiling else None
+    rail = lw.PrismaticJoint(connects=("ground", "body"), axis=(0, 0, 1), stop=ends)
+    floor = lw.Contact(
+        connects=("ground", "body"),
+        surfaces=(lw.Plane(), lw.Sphere(radius=0.1)),
+        stiffness=1e5,
+        exponent=1.0,
+    )
+    body = lw.Body(mass=0.4, inertia=lw.Inertia(xx=1e-3, yy=1e-3, zz=1e-3))
+    parts = {"bodies": {"body": body}, "joints": {"z": rail}, "contacts": {"floor": floor}}
+    return Robot(lw.Mechanism(name="ball", **parts))
+
+
+def bounced(t: float, h: float, m: float = 0.4, k: float = 1e5, g: float = 9.81) -> float:
+    """Return the height of a ball that falls from h, and goes in and out as on a spring."""
+    v, w = np.sqrt(2 * g * h), np.sqrt(k / m)
+    fall, d = v / g, g / w**2
+    A, phase = np.hypot(d, v / w), np.arctan2(v / w, d)
+    pressed = 2 * (np.pi - phase) / w
+    t = t % (2 * fall + pressed)
+    if t < fall:
+        return h - g * t**2 / 2
+    t -= fall
+    return (
+        -d + A * np.cos(w * t + phase)
+        if t < pressed
+        else v * (t - pressed) - g * (t - pressed) ** 2 / 2
+    )
+
+
+@pytest.mark.parametrize("dt", [0.01, 1.0])
+def test_a_ball_bounces_as_its_closed_solution_says(dt, tmp_path):
+    robot = bouncing()
+    own, start = library(robot, tmp_path, STEPS), robot.state([0.3])
+    _, [moving] = own("start", start.q, start.rates)
+    for _ in range(round(3 / dt)):
+        assert own("step", [], dt, 1e-11, 1e-13, moving)[0] == OK
+        height = moving.q[0] - 0.1
+        assert height == pytest.approx(bounced(moving.t, 0.2), abs=5e-9)
+        spring = 1e5 * min(height, 0.0) ** 2 / 2
+        energy = 0.4 * (9.81 * height + moving.w[0] ** 2 / 2) + spring
+        assert energy == pytest.approx(0.4 * 9.81 * 0.2, abs=1e-8)
+
+
+def test_what_is_struck_in_the_middle_of_a_step_is_struck(tmp_path):
+    """A stop that is met between the evaluations of a long step."""
+    robot = bouncing(0.1 + 0.45)
+    start = robot.state([0.1], [3.0])  # would rise by 0.4587 m
+    own = library(robot, tmp_path, STEPS)
+    _, [moving] = own("start", start.q, start.rates)
+    moving.next = 1.0  # as after a long flight
+    assert own("step", [], 0.6, 1e-10, 1e-12, moving)[0] == OK
+    run = robot.simulate(start, duration=0.6, rtol=1e-11, atol=1e-13)
+    assert moving.q[0] == pytest.approx(run.final.q[0], abs=1e-8)
+    assert abs(moving.q[0] - (0.1 + 3.0 * 0.6 - 9.81 * 0.18)) > 0.01
+
+
+@pytest.mark.parametrize("precision", ["double", "float"])
+def test_a_linkage_strikes_its_stops_as_in_runs(precision, tmp_path):
+    """A four-bar that swings to and fro between stops."""
+    mechanism = lw.robots.four_bar()
+    crank = mechanism.actuators[0]
+    home = Robot(mechanism).home
+    ends = lw.Stop(
+        lower=float(home[crank]) - 0.3,
+        upper=float(home[crank]) + 0.4,
+        stiffness=2e3,
+        dissipation=0.3,
+    )
+    joints = {**mechanism.joints, crank: mechanism.joints[crank].model_copy(update={"stop": ends})}
+    robot = Robot(mechanism.model_copy(update={"joints": joints}))
+    own = library(robot, tmp_path, STEPS, precision=precision)
+    start, u = robot.home.with_rates({crank: 6.0}), np.zeros(1)
+    small = precision == "float"
+    moving = run(own, robot, start, u, 0.1, 10, *((1e-5, 1e-6) if small else (1e-10, 1e-12)))
+    options = {"duration": 1.0, "rtol": 1e-11, "atol": 1e-13}
+    found = robot.simulate(start, u, **options)
+    assert found.dataset.sizes["event"] >= 4
+    np.testing.assert_allclose(moving.q, found.final.q, atol=2e-2 if small else 1e-8)

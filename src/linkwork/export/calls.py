@@ -91,6 +91,7 @@ PROGRAMS: Mapping[str, PartProgram] = {
         ("q", "w", "u"),
         ("dq", "H", "forces", "gamma"),
     ),
+    "meeting": PartProgram(expressions.meeting, ("q",), ("apart",)),
     "free_moved": PartProgram(
         lambda robot: uncharted.moved(robot.equations), ("q", "s"), ("next",)
     ),
@@ -105,6 +106,7 @@ POSITIONS = Argument("positions", ("JOINTS",), "out", "coordinates of all joints
 DT = Argument("dt", (), "in", "length of the step [s]")
 STATE = Argument("state", (), "inout", "state of the motion", "state")
 STEPS = "motion", "closing", "rates"
+MEETING = "meeting"
 OTHER_CHARTS = "free_closure", "free_forces", "free_moved"
 
 CALLS: Mapping[str, Call] = {
@@ -195,7 +197,8 @@ CALLS: Mapping[str, Call] = {
         Call(
             "step",
             "The same by as many steps of the method of Dormand and Prince as the tolerances need, "
-            "at most LW_MOST_STEPS; where it fails the state is where it came to.",
+            "at most LW_MOST_STEPS; where it fails the state is where it came to. Steps end where "
+            "stops and contacts begin and cease to press.",
             (
                 *(U, DT),
                 Argument("rtol", (), "in", "error of a step, relative to each number"),
@@ -208,7 +211,7 @@ CALLS: Mapping[str, Call] = {
                 STATE,
             ),
             "step.c",
-            (*STEPS, *OTHER_CHARTS),
+            (*STEPS, *OTHER_CHARTS, MEETING),
             expressions.require_steps,
         ),
     )
@@ -219,10 +222,11 @@ def needed_programs(
     robot: Robot, call: Call, free: bool, known: Mapping[str, Program]
 ) -> dict[str, Program]:
     """Return the programs that a function needs and that are not known yet; refuse what the robot
-    cannot have. Other charts are there where there are loops."""
+    cannot have. Other charts are there where there are loops, gaps where something may meet."""
     call.refuse(robot)
     closed = robot.mobility < robot.equations.nv
-    needed = [each for each in call.needs if closed or each not in OTHER_CHARTS]
+    missing = {*(() if closed else OTHER_CHARTS), *(() if robot.equations.gaps else (MEETING,))}
+    needed = [each for each in call.needs if each not in missing]
     return {each: PROGRAMS[each].program(robot, free) for each in needed if each not in known}
 
 

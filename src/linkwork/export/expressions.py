@@ -201,6 +201,12 @@ def rates(robot: Robot) -> ca.Function:
     return functions.tree_rates(robot.equations)
 
 
+def meeting(robot: Robot) -> ca.Function:
+    """Return q -> how far what may meet is apart."""
+    apart = ca.vertcat(SX(0, 1), *robot.equations.gaps.values())
+    return functions.function("meeting", robot.equations, {"apart": apart})
+
+
 def free_forces(robot: Robot) -> ca.Function:
     """Return (q, w, u) -> q', H, the forces S' u + f - h, and gamma, with every rate of the tree as
     an independent one."""

@@ -29,6 +29,13 @@ CLOSED = {"double": 1e-13, "float": 1e-6}
 MET = {"double": 1e-6, "float": 1e-3}
 SMALLEST_STEP = {"double": 16 * 2.0**-52, "float": 16 * 2.0**-23}
 PARTS = 64  # of a way, at most
+BEGUN = {
+    "double": 2.0**-20,
+    "float": 2.0**-10,
+}  # part of a step at whose end what met at its beginning has met
+LOOKS = 8  # at what may meet in a step
+HALVINGS = {"double": 53, "float": 24}  # of the part in which it does
+CORRECTIONS = 3  # of a step that ends there
 SHARED = ("settle.c", "charts.c", "other_charts.c", "motion_in_charts.c")
 """Pieces that others call, in the order in which they need each other."""
 NEEDS = {
@@ -90,11 +97,15 @@ def words(robot: Robot, free: bool, states: int = 0) -> dict[str, str]:
     drives."""
     rows, errors = DORMAND_PRINCE.a[1:, :-1].tolist(), DORMAND_PRINCE.e.tolist()
     nothing = "(void)state;" + " (void)p;" * free
-    loops = robot.mobility < robot.equations.nv
+    loops, meetings = robot.mobility < robot.equations.nv, len(robot.equations.gaps)
     return {
         "WITH_P": ", p" * free,
         "TAKING_P": ", const lw_parameters *p" * free,
         "OTHERWISE": "" if loops else "//",
+        "MEETING": "" if meetings else "//",
+        "COUNT_OF_MEETINGS": str(meetings),
+        "WITH_SLOPES": ", slopes" * bool(meetings),
+        "TAKING_SLOPES": ", lw_real slopes[2][LW_Y]" * bool(meetings),
         "NOTHING_OF_STATE": "" if loops else nothing,
         "WEIGHTS": ", ".join("{" + ", ".join(map(weight, row)) + "}" for row in rows),
         "ERRORS": ", ".join(map(weight, errors)),
@@ -139,8 +150,15 @@ def numbers(robot: Robot, dialect: Dialect) -> list[str]:
         "REUSED": REUSED,
         "LOST": LOST * robot.equations.smallest,
         "SMALLEST_STEP": SMALLEST_STEP[precision],
+        "BEGUN": BEGUN[precision],
     }
-    counts = {"MOST_CORRECTIONS": SETTLING, "MOST_PARTS": PARTS}
+    counts = {
+        "MOST_CORRECTIONS": SETTLING,
+        "MOST_PARTS": PARTS,
+        "LOOKS": LOOKS,
+        "HALVINGS": HALVINGS[precision],
+        "CORRECTIONS": CORRECTIONS,
+    }
     return [
         *(f"#define LW_{name} {count}\n" for name, count in counts.items()),
         *(f"#define LW_{name} {dialect.constant(value)}\n" for name, value in found.items()),
