@@ -4,6 +4,7 @@ leave it to those."""
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from scipy.spatial.transform import Rotation
 
 import linkwork as lw
 from linkwork.model import assembling
+from linkwork.model.asked import Way
 from linkwork.model.assembly import UnreachableError
+from linkwork.model.leading import Leader
 from linkwork.model.task import asked_of
 
 from tests.equations.evaluation import close
@@ -217,3 +220,22 @@ def test_far_poses_are_met_on_the_mode_of_the_guess(name):
     assert robot.closure_error(made).max() < 1e-11
     _, whole = leader.approached(q[there], poses[there])
     assert whole.all()
+
+
+def test_a_way_that_is_walked_to_its_end_asks_for_no_other(monkeypatch):
+    """Neither is anything else tried, nor once more all of it at once."""
+    robot, parts = lw.Robot(lw.robots.prr3()), []
+    pose = robot.tool_pose(robot.home) + np.array([0.02, 0.02, 0.7])
+    walked = Leader.walked
+
+    def watched(self: Leader, start: np.ndarray, way: Way, *rest: Any) -> Any:
+        def followed(which: np.ndarray, part: np.ndarray) -> np.ndarray:
+            parts.append(float(part[0]))
+            return way(which, part)
+
+        return walked(self, start, followed, *rest)
+
+    monkeypatch.setattr(Leader, "walked", watched)
+    monkeypatch.setattr(Leader, "elsewhere", lambda *given: pytest.fail("it is on the way"))
+    close(robot.tool_pose(robot.assemble(tool=pose)), pose, 1e-9)
+    assert parts[0] < 1.0 == parts[-1]

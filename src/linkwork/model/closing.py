@@ -134,7 +134,7 @@ def closed_alone(
         q, residual, length, *others = step(q, *given)
         begun, near = begun or others, residual.item() <= enough
         size = 0.0 if length is None else length.item()
-        if not isfinite(q.sum()) or (contracting and not size <= (MET if near else longest)):
+        if not isfinite(q[0] @ q[0]) or (contracting and not size <= (MET if near else longest)):
             break
         if near and size <= MET:
             return Closed(q, np.ones(1, bool), begun, others)
@@ -227,9 +227,7 @@ class Approach:
     sizes: np.ndarray
     p: np.ndarray
 
-    def step(
-        self, q: np.ndarray, y: np.ndarray, p: np.ndarray | None = None
-    ) -> tuple[np.ndarray, ...]:
+    def step(self, q: np.ndarray, y: np.ndarray, p: np.ndarray | None = None) -> tuple[Any, ...]:
         """Return q (K, nq) after a step, and of before it the largest residual (K), the step's
         length (K), the alignment (K), and the determinants relative to their sizes (K, stages).
 
@@ -237,10 +235,10 @@ class Approach:
         """
         p = self.p if p is None else p
         if len(q) == 1:  # one state takes the shortest way
-            out, nq = self.kernel.flat(q[0], y.reshape(-1), p.reshape(-1))[None], q.shape[1]
-            after, found = out[:, :nq], out[:, nq:]
-        else:
-            after, found = self.kernel(q, y, p)
+            out, nq = self.kernel.flat(q[0], y.reshape(-1), p.reshape(-1)), q.shape[1]
+            after, found = out[None, :nq], out[None, nq:]
+            return after, out[nq], out[nq + 1], found[:, 2], found[:, CONDITIONS:] / self.sizes
+        after, found = self.kernel(q, y, p)
         return after, found[:, 0], found[:, 1], found[:, 2], found[:, CONDITIONS:] / self.sizes
 
 

@@ -61,7 +61,7 @@ class Leader:
         Raises:
             UnreachableError: what is not reached, by its number where there are several.
         """
-        q, there = self.approached(np.repeat(start[None], len(y), axis=0), y)
+        q, there = self.approached(start[None].repeat(len(y), axis=0), y)
         if there.all():
             return q
         left = np.flatnonzero(~there)
@@ -79,8 +79,10 @@ class Leader:
         """
         out = self.outputs(start[None])
         way, mode = self.least.asked.way(out, y), self.modes.signs(self.matrix(out))[0]
-        q, there = self.walked(start, way, np.arange(len(y)), mode, self.step)
-        if self.approach and mode.all():
+        # Compiled steps were tried all the way at once (`approached`).
+        first = 0.25 if self.approach else 1.0
+        q, there = self.walked(start, way, np.arange(len(y)), mode, self.step, first)
+        if self.approach and mode.all() and not there.all():
             left = np.flatnonzero(~there)
             q[left], there[left] = self.elsewhere(start, q[left], y[left], mode)
         return q, there, mode
@@ -125,12 +127,18 @@ class Leader:
         return good, good & same(self.modes.told(parts), mode)
 
     def walked(
-        self, start: np.ndarray, way: Way, which: np.ndarray, mode: np.ndarray, step: Step
+        self,
+        start: np.ndarray,
+        way: Way,
+        which: np.ndarray,
+        mode: np.ndarray,
+        step: Step,
+        first: float = 1.0,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return how far the straight ways `which` (K) lead by some steps: q (K, nq), and which to
-        their ends (K)."""
+        their ends (K); first: the part of them that is tried at first."""
         q, going = np.tile(start, (which.size, 1)), np.arange(which.size)
-        part, length = np.zeros(which.size), np.ones(which.size)
+        part, length = np.zeros(which.size), np.full(which.size, first)
         for _ in range(ROUNDS):
             if not going.size:
                 break
