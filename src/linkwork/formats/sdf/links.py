@@ -1,7 +1,7 @@
 """The links of an SDF file: what they weigh, and what is shown of them.
 
 A link without <inertial> weighs 1 kg and has unit moments of inertia; one that says auto="true" has
-the mass of its collisions by their density.
+the mass of its collisions by their density: of a mesh, of what its triangles enclose.
 
 Source: the SDF specification, http://sdformat.org/spec (link, inertial, geometry).
 """
@@ -9,17 +9,35 @@ Source: the SDF specification, http://sdformat.org/spec (link, inertial, geometr
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
+from linkwork.errors import LinkworkError
 from linkwork.formats import poses
 from linkwork.formats.notes import Notes
+from linkwork.formats.reading import Reading
 from linkwork.formats.sdf.scopes import Scope, read_pose
 from linkwork.formats.xml import Element
-from linkwork.mechanism import Box, Capsule, Cylinder, Ellipsoid, Shape, Sphere
+from linkwork.mechanism import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    MechanismError,
+    MeshFile,
+    Shape,
+    Sphere,
+)
+from linkwork.solids.mesh_files import SUFFIXES, read_mesh
 from linkwork.solids.solid import Solid, together
+from linkwork.solids.triangles import weighed
 from linkwork.solids.uniform import principal, volume
 
+ABSENT = (
+    "its file is not there, or lies outside the model's folder and the package path; state its "
+    "folder (packages=, --package-path)"
+)
 WATER = 1000.0  # density of what gives none [kg/m^3]
 SILENT = (
     *("pose", "inertial", "collision", "visual", "sensor", "light", "self_collide", "projector"),
@@ -42,14 +60,14 @@ def survey_link(link: Element, notes: Notes) -> None:
         notes.on(link, "says velocity_decay, which is left out", alters=True)
 
 
-def solid_of_link(scope: Scope, link: Element, notes: Notes) -> Solid:
+def solid_of_link(scope: Scope, link: Element, reading: Reading, notes: Notes) -> Solid:
     """Return the mass of a link in its own axes."""
     inertial = link.first("inertial")
     if inertial is None:
         notes.on(link, "says nothing of its mass, which is 1 kg with unit moments of inertia then")
         return Solid(1.0, np.zeros(3), np.eye(3))
     if inertial.attributes.get("auto", "false") in ("true", "1"):
-        return _weighed(scope, link, inertial.inner_number("density", WATER), notes)
+        return _weighed(scope, link, inertial.inner_number("density", WATER), reading, notes)
     if inertial.first("fluid_added_mass") is not None:
         notes.on(link, "says fluid_added_mass, which is left out", alters=True)
     mass, moments = inertial.inner_number("mass", 1.0), inertial.first("inertia")
@@ -64,30 +82,49 @@ def solid_of_link(scope: Scope, link: Element, notes: Notes) -> Solid:
     return Solid(mass, np.zeros(3), tensor).seen(X)
 
 
-def _weighed(scope: Scope, link: Element, density: float, notes: Notes) -> Solid:
+def _weighed(scope: Scope, link: Element, density: float, reading: Reading, notes: Notes) -> Solid:
     """Return the mass of a link's collisions by their density."""
     parts = []
     for collision in link.each("collision"):
+        rho = collision.inner_number("density", density)
         kind, size = _geometry(collision)
-        if not kind:
-            notes.on(collision, "is no simple shape; its mass is left out", alters=True)
-            continue
-        mass = volume(kind, size) * collision.inner_number("density", density)
-        solid = Solid(mass, np.zeros(3), np.diag(principal(kind, size, mass)))
-        parts.append(solid.seen(_pose_in_link(scope, link, collision)))
+        if kind:
+            mass = volume(kind, size) * rho
+            solid = Solid(mass, np.zeros(3), np.diag(principal(kind, size, mass)))
+        else:
+            solid = _of_mesh(collision, rho, reading, notes)
+        if solid is not None:
+            parts.append(solid.seen(_pose_in_link(scope, link, collision)))
     return together(parts)
 
 
-def shapes_of_link(scope: Scope, link: Element, notes: Notes) -> Iterator[Shape]:
+def _of_mesh(collision: Element, density: float, reading: Reading, notes: Notes) -> Solid | None:
+    """Return the mass of a mesh; one that cannot be weighed, and what is no mesh, is noted."""
+    mesh = _mesh(collision)
+    if mesh is None:
+        notes.on(collision, "is no simple shape and no mesh; its mass is left out", alters=True)
+        return None
+    try:
+        found = read_mesh(reading.found(*_uri(mesh)))
+        triangles = found.scaled(np.array(_scale(mesh)))
+        solid = weighed(triangles).scaled(density)
+    except MechanismError:
+        notes.on(collision, f"is a mesh whose mass is left out: {ABSENT}", alters=True)
+    except LinkworkError as error:
+        notes.on(collision, f"is a mesh whose mass is left out: its file {error}", alters=True)
+    else:
+        if triangles.open_edges:
+            notes.on(collision, "is a mesh that is not closed; its mass is a guess", alters=True)
+        if mesh.first("submesh") is not None:
+            notes.on(collision, "says submesh; the whole mesh is weighed", alters=True)
+        return solid
+    return None
+
+
+def shapes_of_link(scope: Scope, link: Element, reading: Reading, notes: Notes) -> Iterator[Shape]:
     """Yield what is shown of a link, in its axes."""
     for visual in link.each("visual"):
-        kind, size = _geometry(visual)
-        if not kind or min(size) <= 0:
-            notes.on(
-                visual,
-                "is not shown: it is no box, cylinder, sphere, capsule or ellipsoid with a size",
-            )
-            continue
+        # Where it is, and its colour.
         material = visual.first("material")
         colour = material and material.inner("diffuse")
         fields = {
@@ -96,6 +133,19 @@ def shapes_of_link(scope: Scope, link: Element, notes: Notes) -> Iterator[Shape]
             if colour is None
             else tuple(np.clip(colour.numbers("diffuse", (3, 4))[:3], 0, 1).tolist()),
         }
+        # A mesh, or a simple shape.
+        mesh = _mesh(visual)
+        if mesh is not None:
+            yield from _shown(visual, mesh, fields, reading, notes)
+            continue
+        kind, size = _geometry(visual)
+        if not kind or min(size) <= 0:
+            notes.on(
+                visual,
+                "is not shown: it is no mesh, box, cylinder, sphere, capsule or ellipsoid with a "
+                "size",
+            )
+            continue
         if kind == "box":
             yield visual.make(Box, size=tuple((2 * size).tolist()), **fields)
         elif kind == "sphere":
@@ -105,6 +155,42 @@ def shapes_of_link(scope: Scope, link: Element, notes: Notes) -> Iterator[Shape]
         else:
             made = Cylinder if kind == "cylinder" else Capsule
             yield visual.make(made, radius=float(size[0]), length=float(2 * size[1]), **fields)
+
+
+def _shown(
+    visual: Element, mesh: Element, fields: dict[str, Any], reading: Reading, notes: Notes
+) -> Iterator[Shape]:
+    """Yield the mesh of a <visual>, if its file is there and of a kind that is read."""
+    try:
+        path = reading.found(*_uri(mesh))
+    except MechanismError:
+        notes.on(visual, f"is a mesh that is not shown: {ABSENT}")
+        return
+    scale = _scale(mesh)
+    if path.suffix.lower() not in SUFFIXES:
+        kind = path.suffix or "without a suffix"
+        notes.on(visual, f"is not shown: meshes are {', '.join(SUFFIXES)} here, not {kind}")
+    elif 0 in scale:
+        notes.on(visual, "is not shown: its mesh has a scale of 0")
+    else:
+        yield mesh.make(MeshFile, file=str(path), scale=scale, **fields)
+
+
+def _mesh(part: Element) -> Element | None:
+    """Return the <mesh> of a collision or visual, or None."""
+    geometry = part.first("geometry")
+    return geometry and geometry.first("mesh")
+
+
+def _uri(mesh: Element) -> tuple[str, Element]:
+    """Return the file that a mesh names, and the element that does."""
+    uri = mesh.named("uri")
+    return uri.content, uri
+
+
+def _scale(mesh: Element) -> tuple[float, float, float]:
+    scale = mesh.inner("scale")
+    return scale.vector("scale") if scale else (1.0, 1.0, 1.0)
 
 
 def _pose_in_link(scope: Scope, link: Element, part: Element) -> np.ndarray:

@@ -67,7 +67,7 @@ def read_sdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
         for name, link in () if scope.static else scope.links():
             survey_link(link, notes)
             keys[scope.path + name] = called = body_names.give(scope.path + name, link)
-            bodies[called] = _body(scope, link, notes)
+            bodies[called] = _body(scope, link, reading, notes)
     # Joints between them, gears between joints, and free joints where nothing holds.
     reader = JointReader(version, keys, notes, FreeNames(notes), body_names)
     for scope in scopes:
@@ -124,15 +124,16 @@ def _gravity(top: Scope) -> tuple[float, float, float]:
     return WORLDLY if "name" in top.element.attributes else EARTH
 
 
-def _body(scope: Scope, link: Element, notes: Notes) -> Body:
-    solid = solid_of_link(scope, link, notes)
+def _body(scope: Scope, link: Element, reading: Reading, notes: Notes) -> Body:
+    solid = solid_of_link(scope, link, reading, notes)
     reach = float(solid.centre @ solid.centre)
     tensor = without_noise(solid.inertia, NOISE * abs(solid.mass) * reach)
     fields = Solid(solid.mass, solid.centre, tensor).fields()
     if not rigid(*np.linalg.eigvalsh(tensor)):
         fields["inertia"]["moments"] = "any"
         notes.on(link, "has moments of inertia that no rigid body has; they are kept")
-    return link.make(Body, **fields, shapes=tuple(shapes_of_link(scope, link, notes)))
+    shapes = tuple(shapes_of_link(scope, link, reading, notes))
+    return link.make(Body, **fields, shapes=shapes)
 
 
 def _free(scopes: list[Scope], keys: dict[str, str], reader: JointReader) -> dict[str, Joint]:
