@@ -11,6 +11,7 @@ from linkwork import Robot, robots
 from linkwork.mechanism import Mechanism
 from linkwork.viewer import Viewer
 
+from tests.analysis.test_translating_platforms import wrist
 from tests.processes import PATIENCE
 from tests.viewer.browser import launch, on_screen, until
 
@@ -142,8 +143,7 @@ def test_a_pose_out_of_reach_dragged_at_speed_is_refused_with_a_reason(chromium,
     x, y = browser.grab()
     browser.page.mouse.move(x + 60, y)
     browser.page.mouse.move(x + 400, y - 100)
-    browser.page.wait_for_selector("[data-linkwork=notice]")
-    assert "edge of the workspace" in browser.text()
+    until(lambda: "edge of the workspace" in browser.text())
     assert robot.closure_error(viewer.session.state) < 1e-9
     browser.page.mouse.up()
     until(
@@ -221,6 +221,26 @@ def test_cameras_names_frames_and_the_trail_are_shown_on_request(chromium, viewe
     until(lambda: not viewer.stage.marks and not viewer.stage.trail.visible)
     assert browser.wrong == []
     browser.page.close()
+
+
+def test_dexterity_is_chosen_by_name_and_what_is_not_defined_is_refused(chromium):
+    """A wrist on a Tripteron: all of its tool's arrows are on the page, left of the panel."""
+    with Viewer(wrist(None, (0, 0, 1), (0, 1, 0))) as viewer:
+        browser = Browser(chromium, viewer)
+        until(lambda: browser.client.camera.aspect < 1)
+        browser.settled()
+        browser.page.get_by_role("tab", name="Show").click()
+        for name, told in (
+            ("manipulability", "manipulability 1, 1 times"),
+            ("local transmission index", "no unique transmission wrench"),
+        ):
+            browser.page.get_by_label("Dexterity", exact=True).click()
+            browser.page.get_by_role("option", name=name).click()
+            until(lambda told=told: told in browser.text())
+        chosen = browser.page.get_by_label("Dexterity", exact=True)
+        until(lambda: chosen.input_value() == "manipulability")
+        assert viewer.session.measure == "manipulability" and browser.wrong == []
+        browser.page.close()
 
 
 def direction(camera) -> np.ndarray:

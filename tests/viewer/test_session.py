@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 from linkwork import LinkworkError, Robot, robots
+from linkwork.analysis import dexterity, transmission_indices
+from linkwork.viewer.named_dexterity import MEASURES, require_measure
+from linkwork.viewer.panels import facts
 from linkwork.viewer.session import KINDS, Session
 
 
@@ -164,3 +167,32 @@ def test_another_run_is_shown_at_the_same_times(session, robot):
     assert session.view().over is None and session.view().time == pytest.approx(0.3)
     with pytest.raises(LinkworkError, match="not one of the robot"):
         session.lay_over(Robot(robots.five_bar()).simulate(Robot("five_bar").home, duration=0.1))
+
+
+def test_dexterity_is_told_by_name_and_coloured(session, robot):
+    """The numbers are those of the analyses; what is not defined somewhere is said to be so."""
+    pose = np.add(robot.task_values(robot.home), (0.03, 0.02, 0.1))
+    session.show(robot.assemble(tool=pose))
+    told, indices = dexterity(robot, session.state), transmission_indices(robot, session.state)
+    volume = told.manipulability / dexterity(robot, robot.home).manipulability
+    expected = {
+        "conditioning": (f"{told.conditioning:.3f}", told.conditioning),
+        "manipulability": (f"{told.manipulability:.3g}, {volume:.3g} times", volume),
+        "transmission angle": (
+            f"{told.transmission_angle.min():.3f} rad (slide_",
+            told.transmissibility.min(),
+        ),
+        "local transmission index": (f"{indices.local:.3f}", indices.local),
+    }
+    assert list(MEASURES) == list(expected)
+    for name, (words, share) in expected.items():
+        session.measure = name
+        view = session.view()
+        assert (view.measured.name, view.conditioning) == (name, pytest.approx(told.conditioning))
+        assert view.measured.told.startswith(words) and view.measured.share == pytest.approx(share)
+        assert words in facts(session, view)
+    arm = Session(Robot(robots.puma560()))
+    with pytest.raises(LinkworkError, match="no unique transmission wrench"):
+        require_measure(arm.robot, "local transmission index")
+    arm.measure = "local transmission index"
+    assert arm.view().measured.told == "not defined here" and np.isnan(arm.view().measured.share)

@@ -208,7 +208,14 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
         elif not own:
             own.append(poses[name][0])
     # Between two axes that meet a body is an arc, else a line through its points.
-    bent = [name for name in meeting if len(points[name]) == 2 and name not in solids]
+    size = np.ptp([p for own in points.values() for p in own], axis=0).max()
+    bent = [
+        name
+        for name in meeting
+        if len(own := points[name]) == 2
+        and name not in solids
+        and np.ptp(own, axis=0).max() > TOGETHER * size
+    ]
     arcs = {name: arc(meeting[name], *points[name]) for name in bent}
     bodies = {name: np.stack(found) for name, found in points.items() if name not in arcs}
     gears = {

@@ -45,20 +45,20 @@ def camera(name: str, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
     return up, np.cross(right, up)
 
 
-def distance(size: float) -> float:
-    """Return how far away a mechanism of a size [m] is seen whole."""
-    return 0.75 * size / np.tan(FIELD_OF_VIEW / 2)
+def distance(radius: float) -> float:
+    """Return how far away the whole of a ball of a radius [m] is seen."""
+    return radius / np.sin(FIELD_OF_VIEW / 2)
 
 
 def look(client: viser.ClientHandle, centre: np.ndarray, up: np.ndarray, arm: np.ndarray) -> None:
     """Let one browser look at a point (3) [m] from this arm (3) [m] away.
 
-    One that is much higher than wide sees in its width what others see in their height, and in its
-    upper half, for the panel covers the lower one.
+    One that is higher than wide sees in its width what others see in their height; one that is much
+    higher in its upper half, for the panel covers the lower one.
     """
     aspect = client.camera.aspect
+    arm = arm / min(aspect, 1.0)
     if aspect < NARROW:
-        arm = arm / aspect
         away = np.linalg.norm(arm)
         upright = up - (up @ arm) * arm / away**2
         rise = 0.5 * away * np.tan(FIELD_OF_VIEW / 2)  # a quarter of the picture's height

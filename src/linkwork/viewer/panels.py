@@ -18,6 +18,7 @@ from linkwork.simulation import Run
 from linkwork.viewer.cameras import CAMERAS
 from linkwork.viewer.conditioning import colour
 from linkwork.viewer.marks import FRAMES, NAMES
+from linkwork.viewer.named_dexterity import CONDITIONING, MEASURES
 from linkwork.viewer.player import SPEEDS
 from linkwork.viewer.session import KINDS, Session, View
 from linkwork.viewer.simulating import CONTROLLERS
@@ -31,6 +32,7 @@ PIXELS = ((), (8, 3))  # dashes of curves, those of the second round of colours 
 GO_ON, END = "Go on live, and pull", "End, and play it"
 LAY_OVER, TAKE_AWAY = "Lay this run over the next", "Take away what is laid over"
 ANGLE, HALF_TURN = "the tool's angle", 3.142  # the slider's ends [rad]
+MEASURE = "the dexterity"
 
 
 class Desk(Protocol):
@@ -45,6 +47,7 @@ class Desk(Protocol):
     def hide_reach(self) -> None: ...
     def simulate(self, controller: str, forces: dict[str, float], duration: float) -> None: ...
     def go_on(self, controller: str, forces: dict[str, float], body: str) -> None: ...
+    def measure(self, name: str) -> None: ...
     def look(self, client: viser.ClientHandle, name: str) -> None: ...
 
 
@@ -282,15 +285,25 @@ class Panels:
         }
         for box in self.kinds.values():
             box.on_update(self._by_hand(lambda: self._post(self._choose)))
-        self.coloured = self.gui.add_checkbox(
-            "Conditioning as colour",
-            True,
-            hint="Blue: well conditioned; yellow; vermilion: nearly singular",
-        )
-        self.coloured.on_update(self._by_hand(lambda: self._post(lambda: None)))
-
+        self._add_measures()
         if tools:
             self._add_reach()
+
+    def _add_measures(self) -> None:
+        """Add the choice of what is told of the pose, and whether it colours the tool's body."""
+        self.measure = self._add_dropdown(
+            "Dexterity", tuple(MEASURES), "How well the actuators move the tool, and it them"
+        )
+
+        def wished() -> None:
+            self.touched[MEASURE] = monotonic()
+            self.desk.measure(str(self.measure.value))
+
+        self.measure.on_update(self._by_hand(wished))
+        self.coloured = self.gui.add_checkbox(
+            "Dexterity as colour", True, hint="Blue: good; yellow; vermilion: nearly singular"
+        )
+        self.coloured.on_update(self._by_hand(lambda: self._post(lambda: None)))
 
     def _add_reach(self) -> None:
         reach = self.gui.add_button(
@@ -328,6 +341,8 @@ class Panels:
         self.play.label = "Pause" if self.session.player.playing else "Play"
         self.going.label = GO_ON if self.session.live is None else END
         self.facts.content = facts(self.session, view)
+        if not self._held(MEASURE, now):
+            self.measure.value = view.measured.name
         if self.plot is not None and self.traces is not None:
             self.plot.data = self.traces.at(self.session.player.time)
 
@@ -365,16 +380,19 @@ def facts(session: Session, view: View) -> str:
 
 
 def lines(session: Session, view: View) -> Iterator[str]:
-    red, green, blue = colour(view.conditioning)
     yield "<div style='margin:0.6em 1em;font-size:0.85em;line-height:1.5' data-linkwork='facts'>"
     yield f"<strong>{escape(session.robot.mechanism.name)}</strong>"
     if view.time is not None:
         yield f" &middot; t = {view.time:.3f} s"
-    yield f"<br>closure error {view.closure:.1e} &middot; conditioning {view.conditioning:.3f} "
-    yield (
-        f"<span style='background:rgb({red},{green},{blue});padding:0 "
-        "0.8em;border-radius:2px'></span>"
-    )
+    yield f"<br>closure error {view.closure:.1e} &middot; conditioning {view.conditioning:.3f}"
+    if view.measured.name != CONDITIONING:
+        yield f"<br>{view.measured.name} {escape(view.measured.told)}"
+    if np.isfinite(view.measured.share):
+        red, green, blue = colour(view.measured.share)
+        yield (
+            f" <span style='background:rgb({red},{green},{blue});margin-left:0.4em;"
+            "padding:0 0.8em;border-radius:2px'></span>"
+        )
     if view.tool is not None:
         axes = 2 if session.robot.planar else 3
         place = ", ".join(f"{x:.4f}" for x in np.round(view.tool[0][:axes], 4) + 0.0)

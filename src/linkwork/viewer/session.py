@@ -16,7 +16,6 @@ from linkwork import checks
 from linkwork.equations.algebra import wrapped
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import GROUND
-from linkwork.model.dexterity import conditioning
 from linkwork.robot import Robot, State
 from linkwork.scene.fixtures import Fixtures, fixtures_of
 from linkwork.scene.layout import PartLayout, Placement
@@ -25,6 +24,7 @@ from linkwork.simulation import Run
 from linkwork.viewer.arrows import NOTHING, ArrowField, ArrowLines, Arrows, drawn
 from linkwork.viewer.hand_goals import HandGoal, ToolGoal, rotation_matrix
 from linkwork.viewer.marks import BodyMarks, Marks, marks_of
+from linkwork.viewer.named_dexterity import CONDITIONING, PoseMeasure, measured
 from linkwork.viewer.player import Player
 from linkwork.viewer.pulling import Live
 from linkwork.viewer.pursuit import Pursuit
@@ -55,7 +55,7 @@ class View:
         orientation (3, 3) of the tool, or None; angle: of a planar tool, as it is led [rad]
     arrows, marks: by kind, those that are shown; trail: lines (s, 2, 3) where the tools were [m],
         none where it is not shown; focus: the tool, or what the camera follows (3) [m]
-    conditioning: 0 to 1; closure: largest |phi| [m, rad]
+    conditioning: 0 to 1; measured: what is told beside it; closure: largest |phi| [m, rad]
     coordinates: of all joints by name [m, rad]; forces: of the actuators by name [N, N m], or None
         where none are defined
     time: of the run, or of the simulation that goes on [s], or None while posing; pulled: where a
@@ -73,6 +73,7 @@ class View:
     trail: np.ndarray
     focus: np.ndarray
     conditioning: float
+    measured: PoseMeasure
     closure: float
     coordinates: Mapping[str, float]
     forces: Mapping[str, float] | None
@@ -89,7 +90,7 @@ class Session:
     goal: what is wanted of the state, if anything; replay, path, player: the run,
         where it leads the tools, and where it stands; over: another one, shown at the same times
     following: whether the state is that of the run; shown: kinds of arrows, names and frames;
-        trailing: whether the tools' trail is
+        trailing: whether the tools' trail is; measure: the name of what is told of the pose
     led: where a hand has led the tools; notice: one sentence on what stands in the way
     rails: as long as what was shown of the present run, or of posing, needs
     largest: magnitudes of straight and of turning arrows, by kind, that are drawn in full along the
@@ -108,6 +109,7 @@ class Session:
     following: bool = False
     shown: frozenset[str] = frozenset()
     trailing: bool = False
+    measure: str = CONDITIONING
     led: HandTrail = field(default_factory=HandTrail)
     notice: str = ""
     rails: tuple[Rail, ...] = field(init=False)
@@ -334,6 +336,8 @@ class Session:
         u = self.forces()
         poses = {GROUND: (np.zeros(3), np.eye(3)), **robot.body_poses(state)}
         self.rails = grown(self.rails, poses)
+        conditioned = measured(robot, state, CONDITIONING)
+        told = conditioned if self.measure == CONDITIONING else measured(robot, state, self.measure)
         # All of it.
         return View(
             placement=self.layout.place(state),
@@ -347,7 +351,8 @@ class Session:
             },
             trail=self.trail() if self.trailing else np.empty((0, 2, 3)),
             focus=poses[robot.bodies[0]][0] if tool is None else tool[0],
-            conditioning=float(conditioning(robot, state.q[None])[0]),
+            conditioning=conditioned.share,
+            measured=told,
             closure=float(np.abs(out["phi"]).max(initial=0.0)),
             coordinates=dict(zip(robot.coordinates, state.positions.tolist(), strict=True)),
             forces=None if u is None else dict(zip(robot.actuators, u.tolist(), strict=True)),

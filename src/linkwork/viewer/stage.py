@@ -17,7 +17,7 @@ from linkwork.scene.fixtures import OPACITY, Fixture
 from linkwork.scene.layout import Placement, of_mesh, quaternions, turned_by
 from linkwork.scene.rails import Rail
 from linkwork.viewer.arrows import ArrowLines
-from linkwork.viewer.cameras import FIELD_OF_VIEW, NARROW, camera, distance, follow, look, outlook
+from linkwork.viewer.cameras import FIELD_OF_VIEW, camera, distance, follow, look, outlook
 from linkwork.viewer.conditioning import colour
 from linkwork.viewer.marks import FRAMES, Marks, Pose, written
 from linkwork.viewer.reach import Reach
@@ -70,6 +70,7 @@ class BrowserStage:
     placed, rails: where parts that stand still are, among them the rails
     lift: by which the trail and the frames of a planar mechanism are raised, to lie on its plates
         and not in them (3) [m]
+    away: how far from its middle the whole mechanism is seen [m]
     """
 
     def __init__(self, server: viser.ViserServer, session: Session):
@@ -92,12 +93,12 @@ class BrowserStage:
         self.grip, self.spring = self._add_grip(), self._add_spring()
         self.arrows: dict[str, tuple[Any, Any]] = {}
         self.marks: dict[str, list[Any]] = {}
-        self.lift = (
-            np.array([0.0, 0.0, heights(self.parts.parts, placement)[1]]) * self.robot.planar
-        )
+        points = points_of(self.parts.parts, placement)
+        self.lift = np.array([0.0, 0.0, points[:, 2].max()]) * self.robot.planar
+        self.away = distance(np.linalg.norm(points - self.parts.centre, axis=1).max())
         self.trail = self._add_trail()
         self.shade: tuple[int, int, int] | None = None
-        self._furnish(placement)
+        self._furnish(points)
 
     # Nodes
 
@@ -136,7 +137,7 @@ class BrowserStage:
             depth_test=False,
         )
 
-    def _furnish(self, placement: Placement) -> None:
+    def _furnish(self, points: np.ndarray) -> None:
         """Set the ground, the direction that is up, and where the camera starts."""
         size, centre = self.parts.size, self.parts.centre
         scene, start = self.server.scene, self.server.initial_camera
@@ -145,7 +146,6 @@ class BrowserStage:
         scene.configure_environment_map(None)
         scene.configure_default_lights(cast_shadow=False)
         scene.add_light_hemisphere("/light", sky_color=SKY, ground_color=EARTH, intensity=LIGHT)
-        low, _ = heights(self.parts.parts, placement)
         scene.add_grid(
             "/grid",
             width=GRID_CELLS * size / 5,
@@ -155,11 +155,11 @@ class BrowserStage:
             section_size=size,
             cell_color=(225, 229, 233),
             section_color=(200, 206, 212),
-            position=(centre[0], centre[1], low),
+            position=(centre[0], centre[1], points[:, 2].min()),
         )
         start.fov = FIELD_OF_VIEW
         start.up, start.look_at = up, centre
-        start.position = centre + distance(size) * towards
+        start.position = centre + self.away * towards
         start.near, start.far = size / 100, 100 * size
 
     # What changes
@@ -289,9 +289,9 @@ class BrowserStage:
             visible=False,
         )
 
-    def paint(self, conditioning: float | None) -> None:
-        """Colour the tool's body by its conditioning, or as other bodies are."""
-        shade = None if conditioning is None else colour(conditioning)
+    def paint(self, share: float | None) -> None:
+        """Colour the tool's body by a share from 0 to 1, or as other bodies are without one."""
+        shade = None if share is None or not np.isfinite(share) else colour(share)
         if shade == self.shade:
             return
         self.shade = shade
@@ -375,19 +375,19 @@ class BrowserStage:
         middle."""
         up, towards = camera(name, self.robot)
         middle = self.parts.centre if centre is None else centre
-        look(client, middle, up, distance(self.parts.size) * towards)
+        look(client, middle, up, self.away * towards)
 
     def welcome(self, client: viser.ClientHandle) -> None:
-        """Let a browser as narrow as a telephone see the whole mechanism, once it stands where all
+        """Let a browser that is higher than wide see the whole mechanism, once it stands where all
         begin."""
         begun, looked = self.server.initial_camera.position, []
 
         def on_update(camera: viser.CameraHandle) -> None:
-            narrow = camera.aspect < NARROW and not looked
+            narrow = camera.aspect < 1 and not looked
             if narrow and np.allclose(camera.position, begun, rtol=1e-3):
                 looked.append(True)
                 up, towards = outlook(self.robot)
-                look(client, self.parts.centre, up, distance(self.parts.size) * towards)
+                look(client, self.parts.centre, up, self.away * towards)
 
         client.camera.on_update(on_update)
 
@@ -412,12 +412,12 @@ class BrowserStage:
         return nodes, arcs
 
 
-def heights(parts: Sequence[Fixture], placement: Placement) -> tuple[float, float]:
-    """Return the heights [m] of the lowest and of the highest point of parts."""
-    each = [
-        (position + turned_by(turn[None], part.mesh.vertices * scale))[:, 2]
-        for part, position, turn, scale in zip(
-            parts, placement.positions, placement.turns, placement.scales, strict=True
-        )
-    ]
-    return min(float(z.min()) for z in each), max(float(z.max()) for z in each)
+def points_of(parts: Sequence[Fixture], placement: Placement) -> np.ndarray:
+    """Return the points (N, 3) [m] of parts."""
+    each = zip(parts, placement.positions, placement.turns, placement.scales, strict=True)
+    return np.concatenate(
+        [
+            position + turned_by(turn[None], part.mesh.vertices * scale)
+            for part, position, turn, scale in each
+        ]
+    )

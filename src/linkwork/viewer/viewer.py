@@ -19,6 +19,7 @@ from linkwork.robot import Robot, State
 from linkwork.simulation import Run
 from linkwork.viewer.access import LOOPBACK, serve
 from linkwork.viewer.mailbox import Mailbox
+from linkwork.viewer.named_dexterity import require_measure
 from linkwork.viewer.session import Session
 
 if TYPE_CHECKING:
@@ -232,6 +233,15 @@ class Viewer:
 
         return look
 
+    def measure(self, name: str) -> None:
+        """Tell a measure of `named_dexterity` of the pose, if it is defined for this robot."""
+
+        def prepare() -> Callable[[], None]:
+            require_measure(self.session.robot, name)
+            return lambda: setattr(self.session, "measure", name)
+
+        self.post(lambda: self._work(f"preparing the {name}", prepare))
+
     def show_branch(self, index: int) -> None:
         """Show one of the configurations that were found last."""
         self.post(
@@ -351,7 +361,7 @@ class Viewer:
             self.stage.trace(view.trail)
             if self.panels.followed.value and not self.held:
                 self.stage.follow(view.focus)
-            self.stage.paint(view.conditioning if self.panels.coloured.value else None)
+            self.stage.paint(view.measured.share if self.panels.coloured.value else None)
             if view.tool is not None and not self.held:
                 self.stage.hold(view.tool if view.pulled is None else None)
             self.panels.refresh(view, texts=texts)
