@@ -35,10 +35,10 @@ STAGES = (
     "gradients",
     "robot",
     "export",
-    "autodiff analysis motions scene gym",
+    "autodiff analysis motions scene",
     "design jax torch",
     "views",
-    "sweeps viewer lab",
+    "sweeps viewer lab gym",
     "cli",
 )
 """The packages, and modules beside them, from the lowest stage to the highest; those of one stage

@@ -267,6 +267,17 @@ WRONG = [
     ({"reward": lambda t, state, action: [1.0, 2.0]}, "the reward returns 2 values"),
     ({"terminated": lambda t, state: None}, "the termination returns None"),
     ({"forces": lambda t, state, action: action[:2]}, "the controller returns 2 values"),
+    ({"robot": "prr3"}, r"the robot of a process is 'prr3'; give a linkwork.Robot, such as"),
+    ({"drives": 3}, r"drives are 3; give them by name, such as \{'slide_1'"),
+    ({"drives": {"slide_1": 3}}, "the drive of 'slide_1' is 3; give one of linkwork.control"),
+    ({"drives": {"slide": 3}}, "there is no actuator 'slide' for a drive"),
+    ({"observation": lambda t, state: "seen"}, "the observation returns 'seen'; give numbers"),
+    ({"observation": lambda t, state: ["x"]}, "the observation returns a list of str; give num"),
+    ({"observation": lambda t, state: []}, "the observation returns a list; give numbers, at l"),
+    ({"observation": lambda t, state: None}, "the observation returns None; give numbers"),
+    ({"states": [3], "rates": lambda t, state, action: 0.0}, "a further state is 3; give its name"),
+    ({"states": ["x"], "rates": lambda t, state, action: 0.0}, "a further state is 'x'; give its"),
+    ({"states": [("x", "m", "a")], "rates": lambda t, s, a: 0.0}, "the start of 'x' is 'a'"),
 ]
 
 
@@ -297,10 +308,30 @@ def test_a_reward_that_is_undefined_is_refused_by_its_name():
 def test_modes_and_names_that_there_are_not():
     with pytest.raises(lw.LinkworkError, match="there are 'NextStep', 'SameStep', 'Disabled'"):
         Environments(reaching(), 2, autoreset_mode="now")
-    with pytest.raises(lw.LinkworkError, match="there is no render_mode 'human'"):
+    with pytest.raises(lw.LinkworkError, match="there is no render_mode 'human'; there is 'rgb_ar"):
         Environment(reaching(), render_mode="human")
+    with pytest.raises(lw.LinkworkError, match="made without pictures; make them with render_mode"):
+        Environments(reaching(), 2).render()
     with pytest.raises(lw.LinkworkError, match=r"is no linkwork.gym.DecisionProcess"):
         Environments("Reach", 2)  # pyright: ignore[reportArgumentType]
+
+
+def test_pictures_show_the_states_of_their_robots():
+    """What is drawn differs where the robot does, and the same state gives the same picture."""
+    many = gymnasium.make_vec("Linkwork/Reach-v0", num_envs=2, render_mode="rgb_array")
+    many.reset(seed=0)
+    before = many.render()
+    for _ in range(4):
+        many.step(many.action_space.high * [[0.0], [1.0]])
+    after = many.render()
+    assert [each.shape for each in (*before, *after)] == [(500, 500, 3)] * 4
+    assert after[0].dtype == np.uint8
+    moved = [(one != other).any(axis=2).mean() for one, other in zip(before, after, strict=True)]
+    assert moved[0] == 0 < 0.01 < moved[1] < 0.2
+    one = gymnasium.make("Linkwork/Reach-v0", render_mode="rgb_array")
+    one.reset(seed=0)
+    np.testing.assert_array_equal(one.render(), before[0])
+    assert one.metadata["render_fps"] == round(1 / reaching().dt)
 
 
 def test_without_gymnasium_one_sentence_says_what_to_install():

@@ -265,7 +265,11 @@ def test_bad_arguments_get_a_sentence():
         (lambda: model.forward_dynamics(q, "fast", u[0]), "give an array of real numbers"),
         (lambda: model.forward_dynamics(q, v * 1j, u[0]), "give an array of real numbers"),
         (lambda: model.forward_dynamics(state.q, np.zeros((3, 3)), u[0]), "do not fit together"),
+        (lambda: model.mass_matrix(q > 0), "give an array of real numbers"),
         (lambda: model.mass_matrix(q, v, u[0]), "mass_matrix was given 3 arrays; give 1: q"),
+        (lambda: model.mass_matrix(q, q=q), "mass_matrix was given q twice"),
+        (lambda: model.mass_matrix(v=q), "there is no array 'v' of mass_matrix; there are q"),
+        (lambda: model.mass_matrix(), "mass_matrix was given 0 arrays; give 1: q"),
         (lambda: model.rollout(q, v, u[0], 1e-3), "give a row of forces for each step"),
         (lambda: linkwork.jax.model("prr3"), "give a linkwork.Robot"),
         (lambda: linkwork.jax.model(robot_of("prr3"), singular="no"), '"raise" or "nan"'),
@@ -274,7 +278,7 @@ def test_bad_arguments_get_a_sentence():
             call()
     with pytest.raises(AttributeError, match="found by Newton's method"):
         _ = model.tool_to_joints
-    loss = lambda q: jnp.sum(model.tool_pose(q))  # noqa: E731
+    loss = lambda q: jnp.sum(model.tool_pose(q=q))  # noqa: E731
     with pytest.raises(lw.LinkworkError, match="a third one was asked for"):
         jax.jacfwd(jax.jacfwd(jax.jacfwd(loss)))(q)
 

@@ -61,7 +61,7 @@ def test_gradients_of_first_and_second_order_are_those_of_differences(name):
     require_gradients(model.forward_dynamics, q, v, u)
     require_gradients(model.inverse_dynamics, q, v, u)
     require_gradients(model.closed, q)
-    require_gradients(model.tool_pose, q)
+    require_gradients(lambda q: model.tool_pose(q=q), q)
     require_gradients(lambda *x: torch.cat(model.step(*x, 1e-2), -1), q, v, u)
 
 
@@ -162,6 +162,7 @@ def refusals(model):
         (lambda: model.closed(0 * q), "the loops are left open"),
         (lambda: model.step(q, 40 * v, u, 0.5), "on the way the rates slide_1|not finite|motion"),
         (lambda: model.mass_matrix(q, v, u), "was given 3 arrays; give 1: q"),
+        (lambda: model.mass_matrix(q > 0), "q of mass_matrix is .*; give an array of real numbers"),
         (lambda: model.rollout(q, v, u, 1e-3), "give a row of forces for each step"),
     ]
 

@@ -241,8 +241,8 @@ class ArrayModel:
             of = self._offered[name]
             f, told = self._operator(of), results(name, of)
 
-            def door(*given: Array, p: Array | None = None) -> Any:
-                own, p = arguments(name, of, given, p)
+            def door(*given: Array, **named: Array) -> Any:
+                own, p = arguments(name, of, given, named)
                 sizes = [each for each in of.inputs if each[0] != "p"]
                 arrays = [
                     self._sized(value, *each, name) for value, each in zip(own, sizes, strict=True)

@@ -4,31 +4,38 @@
 from __future__ import annotations
 
 from collections import namedtuple
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from linkwork.autodiff.array_function import ArrayFunction
 from linkwork.autodiff.offered import RANKS
+from linkwork.checks import known
 from linkwork.errors import LinkworkError
 
 
 def arguments(
-    name: str, of: ArrayFunction, given: Sequence[Any], p: Any = None
+    name: str, of: ArrayFunction, given: Sequence[Any], named: Mapping[str, Any]
 ) -> tuple[list[Any], Any]:
-    """Return the arrays that a function was given but for p, and p, which may follow them.
+    """Return the arrays that a function was given, in their order or by name, but for p, and p,
+    which may follow them.
 
     Raises:
-        LinkworkError: more or fewer of them.
+        LinkworkError: more or fewer of them, a name that it does not take, one given twice.
     """
     wanted = [each for each, _ in of.inputs if each != "p"]
-    own = list(given)
-    if len(own) == len(wanted) + 1 and p is None:
-        p = own.pop()
-    if len(own) != len(wanted):
+    known([each for each in named if each != "p"], wanted, "array", f" of {name}")
+    found = dict(zip((*wanted, "p"), given, strict=False))
+    twice = next((each for each in named if each in found), None)
+    if twice is not None:
+        raise LinkworkError(f"{name} was given {twice} twice: in its place, and by name")
+    found |= named
+    p = found.pop("p", None)
+    if len(given) > len(wanted) + 1 or len(found) != len(wanted):
+        count = max(len(found), len(given))
         raise LinkworkError(
-            f"{name} was given {len(given)} arrays; give {len(wanted)}: {', '.join(wanted)}"
+            f"{name} was given {count} arrays; give {len(wanted)}: {', '.join(wanted)}"
         )
-    return own, p
+    return [found[each] for each in wanted], p
 
 
 def results(name: str, of: ArrayFunction) -> Callable[[Any], Any]:

@@ -239,7 +239,7 @@ def shown(values: Any) -> str:
         return repr(values)
     kinds = (
         f" of {', '.join(type(value).__name__ for value in values)}"
-        if isinstance(values, tuple | list)
+        if isinstance(values, tuple | list) and values
         else ""
     )
     return f"a {type(values).__name__}{kinds}"

@@ -9,7 +9,7 @@ from gymnasium import Env
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike
 
-from linkwork.gym.environments import Environments
+from linkwork.gym.environments import Environments, frames_a_second
 from linkwork.gym.process import DecisionProcess
 from linkwork.model.state import State
 
@@ -21,11 +21,11 @@ class Environment(Env):
         process: what is observed, done and rewarded.
         max_episode_steps: steps after which an episode is truncated; the process's horizon if left
             out.
-        render_mode: None; pictures are made of `state`.
+        render_mode: "rgb_array", for pictures by `render`; None for none.
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
-        "render_modes": []
+        "render_modes": ["rgb_array"]
     }
 
     def __init__(
@@ -42,7 +42,8 @@ class Environment(Env):
             threads=1,
             render_mode=render_mode,
         )
-        self.process = process
+        self.process, self.render_mode = process, render_mode
+        self.metadata = {**type(self).metadata, "render_fps": frames_a_second(process)}  # pyright: ignore
         self.action_space = self._one.single_action_space
         self.observation_space = self._one.single_observation_space
 
@@ -59,6 +60,14 @@ class Environment(Env):
         observations, _ = self._one.reset(seed=seed, options=options)
         super().reset(seed=None if seed is None else int(seed))
         return observations[0], {}
+
+    def render(self) -> np.ndarray:  # pyright: ignore
+        """Return a picture of the robot, (height, width, 3) numbers from 0 to 255.
+
+        Raises:
+            LinkworkError: an environment that was made without render_mode="rgb_array".
+        """
+        return self._one.picture(0)
 
     def step(self, action: ArrayLike) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Take an action; return observation, reward, terminated, truncated and info, whose

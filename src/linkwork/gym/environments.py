@@ -46,7 +46,7 @@ class Environments(VectorEnv):
             infos["final_info"] tell the end ("SameStep"); by reset(options={"reset_mask": ...})
             alone ("Disabled").
         threads: over which the robots are dealt; all processors if left out.
-        render_mode: None; pictures are made of `states`.
+        render_mode: "rgb_array", for pictures by `render`; None for none.
 
     Attributes:
         states: the robots' states, a stack of N; process: the decision process.
@@ -57,7 +57,7 @@ class Environments(VectorEnv):
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore[reportIncompatibleVariableOverride]
-        "render_modes": [],
+        "render_modes": ["rgb_array"],
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
 
@@ -73,15 +73,18 @@ class Environments(VectorEnv):
     ):
         if not isinstance(process, DecisionProcess):
             raise LinkworkError(f"{checks.shown(process)} is no linkwork.gym.DecisionProcess")
-        if render_mode is not None:
+        if render_mode not in (None, "rgb_array"):
             raise LinkworkError(
-                f"there is no render_mode {render_mode!r}; draw the environments' states instead"
+                f"there is no render_mode {checks.shown(render_mode)}; there is 'rgb_array', whose "
+                "pictures `render` returns"
             )
         self.process, self.num_envs = process, checks.count(num_envs, "num_envs")
         horizon = process.horizon if max_episode_steps is None else max_episode_steps
         self._horizon = checks.count(horizon, "max_episode_steps")
         self._mode = mode_of(autoreset_mode)
-        self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}  # pyright: ignore
+        own = {"autoreset_mode": self._mode, "render_fps": frames_a_second(process)}
+        self.metadata = {**type(self).metadata, **own}  # pyright: ignore
+        self.render_mode, self._cameras = render_mode, {}
         self._limits = np.column_stack((process.low, process.high))
         self.single_action_space = Box(*self._limits.T.astype(np.float32))
         self.single_observation_space = Box(-np.inf, np.inf, (process.observed,), np.float64)
@@ -184,6 +187,28 @@ class Environments(VectorEnv):
         if self._mode is AutoresetMode.SAME_STEP and self._over.any():
             infos = self._finish(infos)
         return self._read[:, :-2].copy(), rewards, terminations, truncations, infos
+
+    def render(self) -> tuple[np.ndarray, ...]:  # pyright: ignore
+        """Return a picture of each robot, (height, width, 3) numbers from 0 to 255.
+
+        Raises:
+            LinkworkError: environments that were made without render_mode="rgb_array".
+        """
+        return tuple(self.picture(i) for i in range(self.num_envs))
+
+    def picture(self, number: int) -> np.ndarray:
+        """Return the picture of one of the robots; what is seen grows with what it reaches."""
+        if self.render_mode is None:
+            raise LinkworkError(
+                "these environments were made without pictures; make them with "
+                "render_mode='rgb_array'"
+            )
+        # Matplotlib is asked for where pictures are.
+        from linkwork.views.camera import Camera
+
+        if number not in self._cameras:
+            self._cameras[number] = Camera(self.process.robot)
+        return self._cameras[number].picture(self.states.at(slice(number, number + 1)))
 
     def _act(self, actions: ArrayLike) -> None:
         """Take actions over, cut to their bounds; refuse those that do not fit."""
@@ -309,6 +334,11 @@ def seeds_of(seed: Any, count: int) -> list[int | None]:
     if len(seeds) != count:
         raise LinkworkError(f"there are {len(seeds)} seeds; give an integer, or {count} of them")
     return [None if each is None else int(each) for each in seeds]
+
+
+def frames_a_second(process: DecisionProcess) -> int:
+    """Return how many decisions there are in a second, at least 1: of a film in real time."""
+    return max(round(1 / process.dt), 1)
 
 
 def mode_of(mode: AutoresetMode | str) -> AutoresetMode:

@@ -18,13 +18,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork import checks, math
+from linkwork.control.acting import require_drives
 from linkwork.control.drives import Drive, Extra
 from linkwork.control.observation import Names, Observation
 from linkwork.control.tracing import Law, Tracer, column
+from linkwork.control.tracing import shown as told
 from linkwork.control.wrenches import Wrench
 from linkwork.errors import LinkworkError
-from linkwork.model.model import Model
 from linkwork.model.state import State
+from linkwork.robot import Robot
 
 Decided = Callable[[Any, Observation, np.ndarray], Any]
 REWARD, TERMINATION, OBSERVATION = "the reward", "the termination", "the observation"
@@ -62,7 +64,7 @@ class DecisionProcess:
     Source: Sutton & Barto, Reinforcement Learning, 2nd ed. 2018, ch. 3.
     """
 
-    robot: Model
+    robot: Robot
     dt: float
     low: ArrayLike
     high: ArrayLike
@@ -80,6 +82,11 @@ class DecisionProcess:
     wrenches: Sequence[Wrench] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.robot, Robot):
+            raise LinkworkError(
+                f"the robot of a process is {checks.shown(self.robot)}; give a linkwork.Robot, "
+                "such as Robot('prr3')"
+            )
         low, high = (checks.finite(getattr(self, name), name) for name in ("low", "high"))
         if low.ndim != 1 or low.shape != high.shape or not low.size or not (low < high).all():
             raise LinkworkError(
@@ -103,6 +110,9 @@ class DecisionProcess:
             )
         if bool(self.states) != (self.rates is not None):
             raise LinkworkError("further states have rates, and rates are of states; give both")
+        object.__setattr__(self, "states", extras_of(self.states))
+        example = "{'slide_1': linkwork.control.Saturated(limit=2.0)}"
+        require_drives(self.robot.names, checks.by_name(self.drives, "drives", example))
         for name, bounds in checks.by_name(self.draws, "draws", "{'goal': (-1.0, 1.0)}").items():
             given = checks.finite(bounds, f"the bounds of {name!r}")
             if given.shape != (2,) or given[0] > given[1]:
@@ -125,10 +135,10 @@ class DecisionProcess:
         """Names of the parameters by which functions read the action."""
         return [f"action[{i}]" for i in range(self.size)]
 
-    @cached_property
+    @property
     def extras(self) -> tuple[Extra, ...]:
         """Further states, as controllers have them."""
-        return tuple(Extra(*each) for each in self.states)
+        return tuple(self.states)
 
     def __call__(self, t: Any, state: Observation) -> Any:
         """Return the forces, with the rates of further states if there are any: the law that the
@@ -182,6 +192,26 @@ class DecisionProcess:
 
 
 def flat(values: Any) -> Any:
-    """Return numbers, or symbols, as a column."""
-    array = math.array(values).ravel()
+    """Return numbers, or symbols, as a column; refuse what is no list of them."""
+    try:
+        array = math.array(values).ravel()
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if not array.size or values is None:
+        raise LinkworkError(f"{OBSERVATION} returns {told(values)}; give numbers, at least one")
     return column(array, [f"[{i}]" for i in range(array.size)], OBSERVATION)
+
+
+def extras_of(states: Any) -> tuple[Extra, ...]:
+    """Return further states; refuse what is none."""
+    found = []
+    for each in checks.several(states, object, "states"):
+        match each:
+            case [str() as name, str() as unit, initial]:
+                found.append(Extra(name, unit, checks.number(initial, f"the start of {name!r}")))
+            case _:
+                raise LinkworkError(
+                    f"a further state is {checks.shown(each)}; give its name, unit and value at "
+                    "the start, such as ('ball.x', 'm', 0.0)"
+                )
+    return tuple(found)

@@ -61,7 +61,8 @@ class TorchModel(ArrayModel):
             )
         try:
             tensor = torch.as_tensor(value if isinstance(value, Tensor) else np.asarray(value))
-            return None if tensor.is_complex() else tensor.to(torch.float64)
+            real = not (tensor.is_complex() or tensor.dtype is torch.bool)
+            return tensor.to(torch.float64) if real else None
         except (TypeError, ValueError, RuntimeError):
             return None
 

@@ -140,6 +140,23 @@ def draw_all(
     points = scene_of(robot, states.at(-1), states).points
     if faint is not None:
         points = np.concatenate([points, scene_of(robot, faint.at(-1), faint).points])
+    axes = fixed_axes(robot, states, points)
+    # One frame after the other; states that stay are drawn once.
+    last = -1
+    with writer.saving(axes.figure, str(path), DOTS):
+        for count, number in enumerate(order):
+            if number != last or faint is not None:
+                clear(axes)
+                if faint is not None:
+                    frame(robot, faint, count, Canvas.on(axes, points).at(FAINT, BELOW))
+                frame(robot, states, int(number), Canvas.on(axes, points))
+                last = number
+            writer.grab_frame()
+
+
+def fixed_axes(robot: Robot, states: State, points: np.ndarray) -> Any:
+    """Return axes that states (K,) with these points fit on, with the first one drawn, and that
+    stay as they are."""
     axes = new_axes(points, robot.planar)
     frame(robot, states, 0, Canvas.on(axes, points))
     (plane if robot.planar else space).finish(Canvas.on(axes, points))
@@ -154,18 +171,13 @@ def draw_all(
         space.fit(axes)
     axes.figure.set_layout_engine("none")
     axes.set_autoscale_on(False)
-    # One frame after the other; states that stay are drawn once.
-    last = -1
-    with writer.saving(axes.figure, str(path), DOTS):
-        for count, number in enumerate(order):
-            if number != last or faint is not None:
-                for artist in (*axes.collections, *axes.lines, *axes.patches, *axes.texts):
-                    artist.remove()
-                if faint is not None:
-                    frame(robot, faint, count, Canvas.on(axes, points).at(FAINT, BELOW))
-                frame(robot, states, int(number), Canvas.on(axes, points))
-                last = number
-            writer.grab_frame()
+    return axes
+
+
+def clear(axes: Any) -> None:
+    """Take away what is drawn on axes."""
+    for artist in (*axes.collections, *axes.lines, *axes.patches, *axes.texts):
+        artist.remove()
 
 
 def frame(robot: Robot, states: State, number: int, canvas: Canvas) -> None:
