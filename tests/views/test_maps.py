@@ -51,6 +51,17 @@ def test_signed_quantities_part_at_zero(mapped):
     assert painted(plot_workspace(mapped, "conditioning")).get_cmap().name == "cividis"
 
 
+def test_the_bar_of_a_signed_quantity_shows_the_signs_that_occur_and_points_beyond_its_end(mapped):
+    axes = plot_workspace(mapped, "det_A")
+    bar, values = painted(axes).colorbar, mapped["det_A"]
+    high = painted(axes).get_clim()[1]
+    assert values.min() > 0 and values.max() > high
+    assert bar.ax.get_ylim() == (0.0, high) and bar.extend == "max"
+    both = plot_workspace(mapped.assign(det_A=values - float(values.mean())), "det_A")
+    bar, (low, high) = painted(both).colorbar, painted(both).get_clim()
+    assert bar.ax.get_ylim() == (low, high) and low == -high
+
+
 def test_a_singularity_locus_is_drawn_where_its_determinant_vanishes():
     x, y = np.linspace(-1, 1, 41), np.linspace(-1, 1, 31)
     det = xarray.DataArray(

@@ -8,6 +8,7 @@ who see colours differently.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from linkwork.views.volume import surface
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
 
 WIDTH, HEIGHT = 5.6, 4.4  # [in]
 POSE = (
@@ -34,6 +36,8 @@ POSE = (
 OVER = {2: "two", 3: "three"}  # how many coordinates a picture may have
 ROOM = 0.05  # between what is reached and the ends of the axes in space, relative to it
 BAR = {"shrink": 0.7, "pad": 0.14}  # of colours beside axes in space: its length, its distance
+FLAT_BAR = {"shrink": 0.9, "pad": 0.02}
+ENDS = ("neither", "min", "max", "both")  # of a bar that are pointed
 SEQUENTIAL, SIGNED = "cividis", "PuOr"
 SIGNS = ("det_A", "det_B")
 MOST = 0.98  # quantile of a signed quantity's magnitude at which its colours end
@@ -99,9 +103,7 @@ def plot_workspace(
         # Colours over the plane, or that there are none.
         if np.isfinite(values).any() and min(values.shape) > 1:
             painted = axes.pcolormesh(x, y, values, **shading)
-            bar = axes.figure.colorbar(painted, ax=axes, shrink=0.9, pad=0.02)
-            bar.set_label(f"{meaning(mapped, quantity)} [{units(mapped, quantity)}]")
-            bar.outline.set_visible(False)
+            add_bar(axes, painted, mapped, quantity, values, FLAT_BAR)
         else:
             axes.text(
                 0.5, 0.5, "no pose is reached", transform=axes.transAxes, ha="center", va="center"
@@ -158,9 +160,7 @@ def draw_surface(mapped: xarray.Dataset, quantity: str, ax: Axes | None) -> Axes
             paint.set_array(np.ma.masked_invalid(shown))
             paint.autoscale_None()
             faces.set_facecolor(paint.to_rgba(np.ma.masked_invalid(shown)))
-            bar = axes.figure.colorbar(paint, ax=axes, **BAR)
-            bar.set_label(f"{meaning(mapped, quantity)} [{units(mapped, quantity)}]")
-            bar.outline.set_visible(False)
+            add_bar(axes, paint, mapped, quantity, shown, BAR)
         axes.add_collection3d(faces)
         # Axes around it, of one scale where all are lengths.
         low, high = found.faces.min(axis=(0, 1)), found.faces.max(axis=(0, 1))
@@ -170,6 +170,24 @@ def draw_surface(mapped: xarray.Dataset, quantity: str, ax: Axes | None) -> Axes
         if all(units(mapped, name) == "m" for name in names):
             axes.set_aspect("equal")
     return axes
+
+
+def add_bar(
+    axes: Any,
+    painted: ScalarMappable,
+    mapped: xarray.Dataset,
+    quantity: str,
+    values: np.ndarray,
+    place: Mapping[str, float],
+) -> None:
+    """Add the bar of colours: of signs that occur, and pointed where values lie beyond its end."""
+    (low, high), least, most = painted.get_clim(), np.nanmin(values), np.nanmax(values)
+    pointed = ENDS[(least < low) + 2 * (most > high)]
+    bar = axes.figure.colorbar(painted, ax=axes, extend=pointed, **place)
+    if quantity in SIGNS and not least < 0 < most and least != most:
+        bar.ax.set_ylim(low if least < 0 else 0.0, high if most > 0 else 0.0)
+    bar.set_label(f"{meaning(mapped, quantity)} [{units(mapped, quantity)}]")
+    bar.outline.set_visible(False)
 
 
 def colours(quantity: str, values: np.ndarray) -> dict[str, Any]:
