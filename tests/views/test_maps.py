@@ -52,14 +52,14 @@ def test_signed_quantities_part_at_zero(mapped):
 
 
 def test_the_bar_of_a_signed_quantity_shows_the_signs_that_occur_and_points_beyond_its_end(mapped):
-    axes = plot_workspace(mapped, "det_A")
-    bar, values = painted(axes).colorbar, mapped["det_A"]
-    high = painted(axes).get_clim()[1]
-    assert values.min() > 0 and values.max() > high
-    assert bar.ax.get_ylim() == (0.0, high) and bar.extend == "max"
-    both = plot_workspace(mapped.assign(det_A=values - float(values.mean())), "det_A")
-    bar, (low, high) = painted(both).colorbar, painted(both).get_clim()
-    assert bar.ax.get_ylim() == (low, high) and low == -high
+    det = mapped["det_A"]
+    for values, pointed in ((abs(det), "max"), (-abs(det), "min"), (det, "min")):
+        mesh = painted(plot_workspace(mapped.assign(det_A=values), "det_A"))
+        low, high = mesh.get_clim()
+        assert mesh.colorbar.extend == pointed
+        shown = (low * bool(values.min() < 0), high * bool(values.max() > 0))
+        assert mesh.colorbar.ax.get_ylim() == shown
+    assert painted(plot_workspace(mapped)).colorbar.extend == "neither"
 
 
 def test_a_singularity_locus_is_drawn_where_its_determinant_vanishes():
