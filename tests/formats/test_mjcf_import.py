@@ -357,7 +357,7 @@ LEFT_OUT = {
     ): "<fixed 't'> has a range, whose ends are stops here",
     (
         "<actuator><motor name='m' site='s' refsite='s'/></actuator>"
-    ): "<motor 'm'> is left out: what acts on a refsite is no actuator here",
+    ): "<motor 'm'> is left out: it acts on nothing that moves",
     "<actuator><muscle joint='j'/></actuator>": "<muscle> is taken as a plain actuator",
 }
 

@@ -23,6 +23,19 @@ actuators: [%s]
         ("transmissions: {x: {type: summ}}", "'summ' is not a type .did you mean sum"),
         ("transmissions: {x: {type: thrust, body: a}}", "pushes nowhere; give a force"),
         ("transmissions: {x: {type: thrust, body: b, force: [1, 0, 0]}}", "there is no body 'b'"),
+        (
+            "transmissions: {x: {type: slider_crank, pin: {body: a}, body: a, rod: 0}}",
+            "x.rod: 0 is not above 0",
+        ),
+        (
+            "transmissions: {x: {type: slider_crank, pin: {body: b}, body: a, rod: 1}}",
+            "transmissions.x: there is no body 'b'",
+        ),
+        ("transmissions: {x: {type: reach, body: a, base: ground}}", "x.force: pushes nowhere"),
+        (
+            "transmissions: {x: {type: reach, body: a, base: b, moment: [1, 0, 0]}}",
+            "transmissions.x: there is no body 'b'",
+        ),
         ("drives: {j: {gain: 3}}", "drives.j.type: is missing; give the type of a drive"),
         ("drives: {k: {type: servo}}", "there is no actuator 'k'"),
         ("drives: {j: {type: servo, gane: 3}}", "drives.j.gane: .*did you mean gain"),
@@ -70,3 +83,23 @@ def test_a_description_with_them_comes_back_equal():
     )
     mechanism = lw.Mechanism.parse(text)
     assert lw.Mechanism.parse(mechanism.text) == mechanism
+
+
+BETWEEN = """transmissions:
+  piston: {type: slider_crank, pin: {body: a, point: [0.1, 0, 0.1]}, body: ground,
+           frame: {position: [0.5, 0, 0.3]}, rod: %s}
+  hand: {type: reach, body: a, base: ground, force: [%s, 0, 0.4]}
+  fan: {type: thrust, body: a, force: [%s, 0, 0.4]}"""
+
+
+def test_what_acts_between_bodies_closes_the_energy_balance_and_has_free_numbers():
+    free = ("transmissions.piston.rod", "transmissions.hand.force.0", "transmissions.fan.force.0")
+    text = ARM % ("", "piston, hand, fan", BETWEEN)
+    robot = lw.Robot(lw.Mechanism.parse(text % (1.2, 1, 1)), free=free)
+    other = lw.Robot(lw.Mechanism.parse(text % (1.4, 2, 3)))
+    moved = robot.with_parameters(dict(zip(free, (1.4, 2.0, 3.0), strict=True)))
+    at, forces = ({"j": 0.4}, {"j": 0.2}), [1.3, 0.5, 0.2]
+    found, expected = (each.forward_dynamics(each.state(*at), forces) for each in (moved, other))
+    assert found == pytest.approx(expected, rel=1e-13)
+    run = robot.simulate(robot.home, forces, duration=0.2, rtol=1e-11)
+    assert np.abs(run.dataset["energy_balance"]).max() < 1e-9

@@ -12,8 +12,9 @@ from collections.abc import Collection, Iterable
 
 import numpy as np
 
+from linkwork.equations.algebra import present
 from linkwork.equations.joints import held_length
-from linkwork.mechanism import Combination, Mechanism, Thrust
+from linkwork.mechanism import Combination, Mechanism, Reach, Thrust
 from linkwork.mechanism.joints import SLIDES, PairJoint
 
 ROUNDING = 1e-9
@@ -86,5 +87,5 @@ def slides(mechanism: Mechanism) -> dict[str, bool]:
         if isinstance(line, Combination):
             found[name] = any(found[label] for label, ratio in line.ratios.items() if ratio)
         else:
-            found[name] = not isinstance(line, Thrust) or any(line.force)
+            found[name] = not isinstance(line, Thrust | Reach) or any(map(present, line.force))
     return found

@@ -2,6 +2,7 @@
 
     combination    x = offset + sum ratio_i q_i       ratio_i on the rate of coordinate i
     cable          its way (`cables`)                 forces along its straight parts
+    slider-crank, reach                               forces between two bodies (`reaches`)
     thrust         no length (x = 0)                  a wrench that moves with its body
 
 The row J (1 x nv) of the rate x' = J w follows from the forces, by their power: J = sum ratio_i J_i
@@ -19,8 +20,17 @@ import numpy as np
 from linkwork.equations.algebra import SX, vector
 from linkwork.equations.cables import way
 from linkwork.equations.jacobians import jacobian
+from linkwork.equations.reaches import measured
 from linkwork.equations.tree import Tree, near_offset, offset
-from linkwork.mechanism import Cable, Combination, Transmission
+from linkwork.mechanism import (
+    GROUND,
+    Cable,
+    Combination,
+    Reach,
+    SliderCrank,
+    Thrust,
+    Transmission,
+)
 
 
 @dataclass(frozen=True)
@@ -51,7 +61,7 @@ def along(line: Transmission, tree: Tree, position: Callable[[str], ca.SX]) -> A
     if isinstance(line, Combination):
         terms = (ratio * position(label) for label, ratio in line.ratios.items())
         return Along(sum(terms, SX(line.offset)), line.ratios)
-    if isinstance(line, Cable):
+    if not isinstance(line, Thrust):
         return led(line, tree)
     node = tree.node(line.body)
     R = node.R.matrix
@@ -59,16 +69,17 @@ def along(line: Transmission, tree: Tree, position: Callable[[str], ca.SX]) -> A
     return Along(SX(0), wrenches=((line.body, near_offset(node, vector(line.point)), wrench),))
 
 
-def led(cable: Cable, tree: Tree) -> Along:
-    """Return a cable in a tree."""
+def led(line: Cable | SliderCrank | Reach, tree: Tree) -> Along:
+    """Return what is measured between bodies in a tree."""
 
     def place(body: str) -> tuple[ca.SX, ca.SX]:
         node = tree.node(body)
         return node.R.matrix, node.O + offset(node, np.zeros(3))
 
-    found = way(cable, place)
+    found = way(line, place) if isinstance(line, Cable) else measured(line, place)
     wrenches = (
         (body, near_offset(tree.node(body), np.zeros(3)), wrench)
         for body, wrench in found.wrenches(place)
+        if body != GROUND
     )
     return Along(found.length, wrenches=tuple(wrenches))

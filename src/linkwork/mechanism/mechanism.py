@@ -26,7 +26,7 @@ from linkwork.mechanism.quantities import QuantityName, standing
 from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record, Vector3
 from linkwork.mechanism.refusal import shown
 from linkwork.mechanism.task import NAMES, TaskCoordinate, labels
-from linkwork.mechanism.transmissions import Combination, Thrust, Transmission
+from linkwork.mechanism.transmissions import Cable, Combination, Thrust, Transmission
 from linkwork.notebooks import Portrayed
 
 if TYPE_CHECKING:
@@ -304,8 +304,9 @@ class Mechanism(Record, Portrayed):
             elif isinstance(line, Thrust):
                 require(line.body, self.bodies, "body", (*where, "body"))
             else:
+                own = ("path",) if isinstance(line, Cable) else ()
                 for body in line.bodies:
-                    require(body, dict.fromkeys((GROUND, *self.bodies)), "body", (*where, "path"))
+                    require(body, dict.fromkeys((GROUND, *self.bodies)), "body", (*where, *own))
 
     def _check_actuators(self) -> None:
         rates, seen = dict.fromkeys((*self.rates, *self.transmissions)), set()

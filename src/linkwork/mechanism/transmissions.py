@@ -36,7 +36,9 @@ __all__ = [
     "OverCylinder",
     "OverSphere",
     "PulleyBlock",
+    "Reach",
     "SlackSpring",
+    "SliderCrank",
     "Thrust",
     "Transmission",
     "ViaPoint",
@@ -230,7 +232,62 @@ class Thrust(Record):
         return self
 
 
-Transmission = Annotated[Combination | Cable | Thrust, Field(discriminator="type")]
+class SliderCrank(Record):
+    """Act along the way of a massless slider that a massless rod joins to a pin: with a the
+    slider's axis and v the vector to the pin from where the slider is at l = 0,
+
+        l = a . v - sqrt((a . v)^2 + rod^2 - v . v)
+
+    or a . v where the rod does not reach the axis."""
+
+    type: Literal["slider_crank"] = "slider_crank"
+    pin: ViaPoint = Field(description="where the rod ends on the crank")
+    body: Name = Field(description="name of the body along which the slider moves")
+    frame: Frame = Field(
+        default=Frame(), description="of the slider in that body: it moves along its z axis"
+    )
+    rod: Positive = Field(description="length of the rod [m]")
+    resistance: ClassVar[tuple[float, ...]] = ()
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that it acts on."""
+        return self.pin.body, self.body
+
+
+class Reach(Record):
+    """Act between two bodies along what a frame of one is displaced and turned against a frame of
+    the other: l = force . p + moment . phi, with its origin p and the rotation vector phi, both
+    seen from there. The rate is that of p, and of phi the angular velocity."""
+
+    type: Literal["reach"] = "reach"
+    body: Name = Field(description="name of the body")
+    frame: Frame = Field(default=Frame(), description="in the body's frame")
+    base: Name = Field(description="name of the other body, or ground")
+    base_frame: Frame = Field(default=Frame(), description="in the other body's frame")
+    force: Vector3 = Field(
+        default=(0.0, 0.0, 0.0), description="force by f = 1, in the axes of the base's frame [1]"
+    )
+    moment: Vector3 = Field(
+        default=(0.0, 0.0, 0.0), description="moment by f = 1, in the same axes [m]"
+    )
+    resistance: ClassVar[tuple[float, ...]] = ()
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that it acts on."""
+        return self.body, self.base
+
+    @model_validator(mode="after")
+    def _pushes(self):
+        if not any((*self.force, *self.moment)):
+            raise MechanismError("pushes nowhere; give a force, a moment, or both", ("force",))
+        return self
+
+
+Transmission = Annotated[
+    Combination | Cable | Thrust | SliderCrank | Reach, Field(discriminator="type")
+]
 TYPES: dict[str, type[Record]] = {
     kind.model_fields["type"].default: kind for kind in get_args(get_args(Transmission)[0])
 }

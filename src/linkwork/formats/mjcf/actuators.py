@@ -3,6 +3,7 @@
     hinge, slide, axis of a ball        a joint rate; another actuator of the same rate, and one of
                                         a tendon of joints, a combination of coordinates
     site                                a thrust: a wrench that moves with its body
+    site and refsite, cranksite         a reach between two bodies, a slider-crank
 
 What it does there is its law (`drive_laws`).
 """
@@ -27,17 +28,24 @@ from linkwork.mechanism import (
     Cable,
     Combination,
     Friction,
+    Reach,
     SlackSpring,
+    SliderCrank,
     Thrust,
     Transmission,
+    ViaPoint,
 )
 
 NEAR = 1e-9  # axes that agree [1]
 ANGULAR_VELOCITY = {"wx": 0, "wy": 1, "wz": 2}
 SITES = ("site", "refsite", "slidersite", "cranksite")
-ELSEWHERE = ("body", "slidersite", "cranksite", "refsite")  # what no transmission here is
+ELSEWHERE = ("body", "slidersite", "refsite")  # what is no transmission by itself
 
 WHY = {"body": "it pulls at the contacts of a body, of which nothing is read"}
+APART = (
+    "its refsite moves by joints by which its site does not, and MuJoCo's force is then not along "
+    "its length; take a refsite of a body that carries the other, or the world's"
+)
 THREE = "it acts on three rates at once, and an actuator here on one"
 
 
@@ -130,8 +138,10 @@ class ActuatorReader:
             if name is None:
                 continue
             self.found.names[name] = None
-            wrench = isinstance(self.found.transmissions.get(name), Thrust)
-            law = self.laws.law(element, 1.0 if wrench or "." in name else float(gear[0]))
+            line = self.found.transmissions.get(name)
+            whole = isinstance(line, Thrust | Reach) or "." in name  # which have the gear in them
+            between = line if isinstance(line, Reach | SliderCrank) else None
+            law = self.laws.law(element, 1.0 if whole else float(gear[0]), between)
             if law:
                 self.found.drives[name] = law
         if self.found.drives:
@@ -182,7 +192,11 @@ class ActuatorReader:
             return self._of_joint(element, joint, gear)
         if "tendon" in attributes:
             return self._of_tendon(element, element.text("tendon"))
-        if "site" in attributes and not any(key in attributes for key in ELSEWHERE):
+        if "cranksite" in attributes:
+            return self._of_crank(element)
+        if "refsite" in attributes and "site" in attributes:
+            return self._of_sites(element, gear)
+        if "site" in attributes:
             return self._of_site(element, gear)
         what = next((key for key in ELSEWHERE if key in attributes), "nothing known")
         why = WHY.get(what, f"what acts on a {what} is no actuator here")
@@ -224,10 +238,7 @@ class ActuatorReader:
         return name
 
     def _of_site(self, element: Element, gear: np.ndarray) -> str | None:
-        site = element.text("site")
-        if site not in self.tree.sites:
-            raise element.refusal(f"there is no site {site!r}")
-        body, X = self.tree.sites[site]
+        body, X = self._site(element, "site")
         if body == GROUND or not gear.any():
             self.notes.on(element, "is left out: it acts on nothing that moves")
             return None
@@ -241,6 +252,53 @@ class ActuatorReader:
                 moment=poses.triple(R @ gear[3:]),
             ),
         )
+
+    def _site(self, element: Element, key: str) -> tuple[str, np.ndarray]:
+        """Return the body of a site that an actuator names, and its pose there."""
+        site = element.text(key)
+        if site not in self.tree.sites:
+            raise element.refusal(f"there is no site {site!r}")
+        return self.tree.sites[site]
+
+    def _of_crank(self, element: Element) -> str:
+        """Return the transmission of a slider-crank between two sites."""
+        (crank, X), (body, slider) = (self._site(element, k) for k in ("cranksite", "slidersite"))
+        pin = ViaPoint(body=crank, point=poses.triple(X[:3, 3]))
+        rod, frame = element.number("cranklength"), poses.frame_of(slider)
+        return self._line(
+            element, element.make(SliderCrank, pin=pin, body=body, frame=frame, rod=rod)
+        )
+
+    def _of_sites(self, element: Element, gear: np.ndarray) -> str | None:
+        """Return the transmission of a site seen from another, or None with a note: MuJoCo's force
+        on a displacement is along it only where whatever moves that other site moves both."""
+        (body, X), (base, X_base) = (self._site(element, key) for key in ("site", "refsite"))
+        moved, known = (self._movers(each) for each in (body, base))
+        if not gear.any() or body == base or not (moved or known):
+            self.notes.on(element, "is left out: it acts on nothing that moves")
+            return None
+        if gear[:3].any() and known - moved:
+            self.notes.on(element, f"is left out: {APART}")
+            return None
+        if not gear[:3].any() and element.tag in ("position", "intvelocity"):
+            self.notes.on(
+                element,
+                "takes its command as it is, and MuJoCo the nearest of those a whole turn apart",
+            )
+        force, moment = poses.triple(gear[:3]), poses.triple(gear[3:])
+        seen = Reach(
+            body=body,
+            frame=poses.frame_of(X),
+            base=base,
+            base_frame=poses.frame_of(X_base),
+            force=force,
+            moment=moment,
+        )
+        return self._line(element, seen)
+
+    def _movers(self, body: str) -> set[str]:
+        """Return the bodies with joints from a body to ground."""
+        return {node.name for node in self.tree.chain(body) if node.pieces}
 
     def _line(self, element: Element, line: Transmission) -> str:
         raw = element.attributes.get("name")

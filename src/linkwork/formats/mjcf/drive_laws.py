@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import pi
+from typing import TypeAlias
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from linkwork.formats.mjcf.motors import MotorLaw, motor_law
 from linkwork.formats.mjcf.tree import ModelTree, Piece
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
-from linkwork.mechanism import Cable, Combination
+from linkwork.mechanism import Cable, Combination, Reach, SliderCrank
 
 LAWS = ("motor", "position", "velocity", "intvelocity", "damper", "cylinder", "general")
 MOTORS = ("pid", "dcmotor")
@@ -35,6 +36,7 @@ UNKNOWN_IN_MUSCLES = ("forcerange", "forcelimited", "actlimited", "actrange", "a
 PLAIN = "is taken as a plain actuator: its control law is left out, the force is yours"
 
 Numbers = dict[str, float | str]
+Measured: TypeAlias = Combination | Cable | SliderCrank | Reach
 
 
 @dataclass
@@ -44,6 +46,7 @@ class DriveReader:
     tendons: those of joints, and cables, by name; tendon_elements: all tendons
     pieces: joints of the tree by name
     moved: tells the joints that an actuator acts on
+    between: what the actuator in hand acts along, if that is neither joints nor a tendon
     users, pullers: how many actuators act on each joint, and on each tendon, by name
     """
 
@@ -57,10 +60,14 @@ class DriveReader:
     users: Counter[str]
     pullers: Counter[str | None]
     notes: Notes
+    between: SliderCrank | Reach | None = None
 
-    def law(self, element: Element, gear: float) -> Numbers:
+    def law(
+        self, element: Element, gear: float, between: SliderCrank | Reach | None = None
+    ) -> Numbers:
         """Return the numbers of the drive that an actuator is; none of one that gives its control
-        as a force."""
+        as a force; between: what it acts along, if that is neither joints nor a tendon."""
+        self.between = between
         if element.tag == "muscle":
             return self._muscle(element, gear)
         if element.tag in MOTORS:
@@ -254,15 +261,15 @@ class DriveReader:
 
     def _row(self, element: Element, gear: float) -> np.ndarray:
         """Return J (nv) of an actuator at qpos0."""
-        line = self.tendons.get(element.attributes.get("tendon", ""))
+        line = self.between or self.tendons.get(element.attributes.get("tendon", ""))
         if line is not None:
             return gear * self._along(line, self.inertia[1])
         ratios = dict.fromkeys((self.joints.coordinates[n] for n in self.moved(element)), 1.0)
         return gear * self._along(Combination(ratios=ratios), self.inertia[1])
 
-    def _along(self, line: Combination | Cable, places: dict[str, int]) -> np.ndarray:
+    def _along(self, line: Measured, places: dict[str, int]) -> np.ndarray:
         """Return J (nv) of a transmission at qpos0."""
-        if isinstance(line, Cable):
+        if not isinstance(line, Combination):
             return along(line, self.tree)
         J = np.zeros(sum(FREEDOMS[piece.kind] for _, piece in self.tree.pieces()))
         for label, ratio in line.ratios.items():

@@ -9,11 +9,12 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations.cables import way
+from linkwork.equations.reaches import measured
 from linkwork.formats import poses
 from linkwork.formats.mjcf.document import ACTUATORS, Document
 from linkwork.formats.mjcf.tree import ModelTree, Piece
 from linkwork.formats.notes import Notes
-from linkwork.mechanism import Cable
+from linkwork.mechanism import GROUND, Cable, Reach, SliderCrank
 
 FREEDOMS = {"slide": 1, "hinge": 1, "ball": 3, "free": 6}
 UNSEEN = "has an armature, which is left out"
@@ -63,16 +64,21 @@ def jacobians(tree: ModelTree, origins: bool = False) -> dict[str, np.ndarray]:
     return found
 
 
-def along(cable: Cable, tree: ModelTree) -> np.ndarray:
-    """Return J (nv) of l' = J w of a cable at qpos0."""
+def along(line: Cable | SliderCrank | Reach, tree: ModelTree) -> np.ndarray:
+    """Return J (nv) of l' = J w of what is measured between bodies at qpos0."""
     at, moving = tree.poses(), jacobians(tree, origins=True)
 
     def place(body: str) -> tuple[ca.SX, ca.SX]:
-        return ca.SX(at[body][:3, :3]), ca.SX(at[body][:3, 3])
+        X = np.eye(4) if body == GROUND else at[body]
+        return ca.SX(X[:3, :3]), ca.SX(X[:3, 3])
 
-    # Forces at the ends of its straight parts, about the origins of the bodies' frames.
-    wrenches = way(cable, place).wrenches(place)
-    parts = (np.array(ca.DM(wrench)).ravel() @ moving[body] for body, wrench in wrenches)
+    # Forces on bodies, about the origins of their frames.
+    found = way(line, place) if isinstance(line, Cable) else measured(line, place)
+    parts = (
+        np.array(ca.DM(wrench)).ravel() @ moving[body]
+        for body, wrench in found.wrenches(place)
+        if body != GROUND
+    )
     return sum(parts, np.zeros(sum(FREEDOMS[piece.kind] for _, piece in tree.pieces())))
 
 

@@ -13,6 +13,8 @@ from linkwork.mechanism import (
     LoadedLength,
     MechanismError,
     PulleyBlock,
+    Reach,
+    SliderCrank,
     Thrust,
     ViaPoint,
 )
@@ -96,6 +98,8 @@ def write_actuator(sheet: Sheet, name: str) -> None:
         wrench = [gear * float(x) for x in (*line.force, *line.moment)]
         given = {"site": f"{name}.site", "gear": numbers(wrench)}
         sheet.add("actuator", tag, name=name, **given, **shown)
+    elif isinstance(line, SliderCrank | Reach):
+        sheet.add("actuator", tag, name=name, **_between(sheet, name, line, gear), **shown)
     elif line is not None:
         given = {"tendon": line_name(sheet, name), "gear": number(gear)}
         sheet.add("actuator", tag, name=name, **given, **shown)
@@ -104,6 +108,25 @@ def write_actuator(sheet: Sheet, name: str) -> None:
         sheet.add("actuator", tag, name=name, joint=name, **given, **shown)
     else:
         write_ball_actuator(sheet, name, tag, gear, shown)
+
+
+def _between(sheet: Sheet, name: str, line: SliderCrank | Reach, gear: float) -> dict[str, str]:
+    """Return the attributes of an actuator between two sites, which are added."""
+    if isinstance(line, SliderCrank):
+        keys, others = ("slidersite", "cranksite"), poses.shift(line.pin.point)
+        ends = (line.body, poses.of_frame(line.frame)), (line.pin.body, others)
+        more = {"gear": number(gear), "cranklength": number(line.rod)}
+    else:
+        keys, wrench = ("refsite", "site"), (*line.force, *line.moment)
+        ends = (
+            (line.base, poses.of_frame(line.base_frame)),
+            (line.body, poses.of_frame(line.frame)),
+        )
+        more = {"gear": numbers(gear * float(x) for x in wrench)}
+    for key, (body, X) in zip(keys, ends, strict=True):
+        sheet.site(f"{name}.{key}", body, sheet.home.poses[body] @ X)
+        more[key] = f"{name}.{key}"
+    return more
 
 
 def write_ball_actuator(

@@ -35,6 +35,8 @@ from linkwork.mechanism import (
     Mechanism,
     MechanismError,
     PairJoint,
+    Reach,
+    SliderCrank,
     Thrust,
 )
 from linkwork.mechanism.effects import Effects
@@ -367,7 +369,8 @@ class _Planner:
         lines = self.mechanism.transmissions.values()
         kept |= {line.body for line in lines if isinstance(line, Thrust)}
         kept |= {lift.body for lift in self.mechanism.lifts.values()}
-        kept |= {body for line in lines if isinstance(line, Cable) for body in line.bodies}
+        between = (Cable, SliderCrank, Reach)
+        kept |= {body for line in lines if isinstance(line, between) for body in line.bodies}
         for name in list(self.seats):
             seat = self.seats[name]
             children = [child for child in self.seats.values() if child.parent == name]
