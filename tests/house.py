@@ -39,7 +39,7 @@ WINGS = {
     ),
     "large mechanisms": (
         *("articulated", "uncharted", "bound", "unit_directions", "partitioned", "tabled"),
-        *("abreast", "called", "partitioned_slopes", "repeats"),
+        *("abreast", "called", "fixed_results", "partitioned_slopes", "repeats"),
     ),
     # How code becomes quick, and is kept.
     "fewer operations": ("simplify",),

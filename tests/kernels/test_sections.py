@@ -1,18 +1,22 @@
 """Sections carried out one after the other on the slots they share: nothing is read before it is
 there, nothing is lost."""
 
+import ctypes
+
 import casadi as ca
 import numpy as np
 import pytest
 
 from linkwork.kernels import compile_function, sections
 from linkwork.kernels.emit import FUNCTIONS, module_text
+from linkwork.kernels.fixed_results import FEWEST
 from linkwork.kernels.machine import this_machine
 from linkwork.kernels.program import Program, trace
 from linkwork.kernels.sections import planned
 from linkwork.kernels.simplify import STRETCH, simplify
 
 from tests.kernels.graphs import random_function
+from tests.kernels.test_kernel import _aligned
 from tests.kernels.test_simplify import NUMPY, evaluate, random_program
 
 
@@ -28,6 +32,7 @@ def carried_out(program: Program, inputs: np.ndarray, angles_in_vector: int) -> 
     constants and the slots."""
     plan = planned(program, angles_in_vector)
     slots, out = np.full(plan.slots, np.nan, dtype=object), np.full(len(program.results), np.nan)
+    out[list(plan.fixed)] = list(plan.fixed.values())
     own: dict[int, np.float64] = {}
     read: set[int] = set()
 
@@ -99,3 +104,25 @@ def test_a_large_program_is_compiled_in_pieces_and_a_small_one_is_not():
             assert len(parts) >= pieces and bool(parts) == bool(pieces)
             lines = [text.count(" = f") + text.count(" = call contract") for text in functions]
             assert pieces == 0 or max(lines) <= 1.5 * STRETCH
+
+
+@pytest.mark.parametrize("size", [8, 40])
+def test_results_that_are_constants_are_in_their_places(size: int):
+    """A matrix with few entries that vary, for one state, for many, and side by side."""
+    x = ca.SX.sym("x", size)
+    matrix = ca.SX(np.random.default_rng(0).integers(-2, 3, (size, size)) / 4)
+    for k in range(size):
+        matrix[k, (3 * k) % size] = x[k] * x[k - 1]
+    f = ca.Function("mostly_fixed", [x], [matrix, ca.sin(x), ca.SX([np.inf, 0.5])])
+    assert bool(planned(simplify(trace(f)), 1).fixed) == (size * size > FEWEST)
+    kernel = compile_function(f)
+    lanes = kernel.abreast * kernel.lanes
+    states = np.random.default_rng(1).normal(size=(lanes, size))
+    expected = np.array([np.concatenate([y.full().ravel("F") for y in f(s)]) for s in states])
+    np.testing.assert_allclose(np.hstack(kernel(states[0])), expected[0], rtol=1e-15)
+    np.testing.assert_allclose(np.hstack(kernel(states)), expected, rtol=1e-15)
+    given, out = _aligned(kernel.n_in, lanes), _aligned(kernel.n_out, lanes)
+    given[...], out[...] = states.T, np.nan
+    wide = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(kernel.wide_address)
+    wide(given.ctypes.data, out.ctypes.data)
+    np.testing.assert_allclose(out.T, expected, rtol=1e-15)

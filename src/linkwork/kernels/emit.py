@@ -23,6 +23,7 @@ from typing import Literal
 
 from linkwork.kernels import angles, called
 from linkwork.kernels.body import LIBRARY, SectionBody
+from linkwork.kernels.fixed_results import fixed_text
 from linkwork.kernels.lines import INOUT, ConstantTable, Lines, function_text
 from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import Program
@@ -115,8 +116,12 @@ def _evaluation(
     if plan.slots or plan.apart:
         slots = max(plan.slots, 1)
         lines.text.insert(1, f"%kept = alloca [{slots} x {lines.number}], align 64")
+    written = []
+    if plan.fixed:
+        written.append(fixed_text(f"{name}.fixed", plan.fixed, lines.width, machine, abreast))
+        lines.do(f"call void @{name}.fixed(ptr %out)")
     if plan.apart:
-        return _in_functions(name, lines, program, plan, machine, abreast)
+        return written + _in_functions(name, lines, program, plan, machine, abreast)
     wide = (
         lines
         if lines.width > 1
@@ -127,7 +132,7 @@ def _evaluation(
         body.add(section)
         if section.vectors:
             _turn(body, section, wide, machine)
-    return [] if wide is lines else [wide.table_text()]
+    return written if wide is lines else [*written, wide.table_text()]
 
 
 def _in_functions(

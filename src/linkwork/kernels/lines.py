@@ -85,7 +85,7 @@ class Lines:
         self._entries.append(f"double {single}")
         return self.single(f"@{self.table.name}", len(self._entries) - 1)
 
-    def single(self, pointer: str, k: int) -> str:
+    def single(self, pointer: str, k: int | str) -> str:
         """Read single number k of those at `pointer` into all lanes."""
         place = self.let(f"getelementptr inbounds double, ptr {pointer}, i64 {k}")
         first = self.let(f"load double, ptr {place}, align 8")

@@ -17,6 +17,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
+from linkwork.kernels.fixed_results import fixed_results
 from linkwork.kernels.program import Operation, Program
 from linkwork.kernels.repeats import FETCHED, Part, part_of, repeats
 from linkwork.kernels.simplify import LARGE, STRETCH, by_stretches, chain_lengths
@@ -52,6 +53,7 @@ class SectionPlan:
     kept: the slot of each value that a later section needs, where they are
     sines, cosines: slots by the angle's position; slots: number of slots
     places: in the flat output vector, by the value's position
+    fixed: results that no section writes: constants by their places
     parts: what sections have in common, by number
     """
 
@@ -62,6 +64,7 @@ class SectionPlan:
     cosines: dict[int, int]
     slots: int
     places: dict[int, list[int]]
+    fixed: dict[int, float]
     parts: tuple[Part, ...]
     nodes: tuple[Operation, ...]
 
@@ -78,9 +81,10 @@ def planned(program: Program, angles_in_vector: int) -> SectionPlan:
     # Results by place. A large program is cut further, into stretches.
     nodes = program.nodes
     large = len(nodes) > LARGE
-    places = defaultdict(list)
+    places, fixed = defaultdict(list), fixed_results(program)
     for place, k in enumerate(program.results):
-        places[k].append(place)
+        if place not in fixed:
+            places[k].append(place)
 
     def pieces(positions: Iterable[int]) -> list[Section]:
         computed = [k for k in positions if nodes[k].op not in FETCHED or k in places]
@@ -126,6 +130,7 @@ def planned(program: Program, angles_in_vector: int) -> SectionPlan:
         cosines,
         max(kept.values(), default=slots - 1) + 1,
         dict(places),
+        fixed,
         tuple(parts),
         nodes,
     )
