@@ -42,6 +42,7 @@ from linkwork.analysis.leg_wrenches import (
     transmitted,
     widths,
 )
+from linkwork.equations.algebra import cross_product
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import GROUND
 from linkwork.mechanism.joints import OneFreedom
@@ -147,7 +148,7 @@ def at_one(robot: Robot, poses: Poses) -> tuple[np.ndarray, np.ndarray, np.ndarr
         held = np.column_stack([*others, *(free for _, free in found)])
         inputs.append(input_index(T, leg, base, platform))
         outputs.append(output_index(T, leg, platform, held / width[:, None], width))
-        moment = T[:3] + np.cross(tip, T[3:])
+        moment = T[:3] + cross_product(tip, T[3:])
         wrenches.append(np.array([*moment, *T[3:]]) / np.linalg.norm(T / width))
     return np.array(inputs), np.array(outputs), np.array(wrenches)
 
@@ -226,7 +227,7 @@ def share(wrench: np.ndarray, twist: np.ndarray, place: np.ndarray) -> float:
     if np.linalg.norm(f) < RANK * np.linalg.norm(wrench):
         return share_of(m, omega)
     pitch = (f @ m) / (f @ f)
-    return share_of(f, v + np.cross(omega, place) + pitch * omega)
+    return share_of(f, v + cross_product(omega, place) + pitch * omega)
 
 
 def share_of(one: np.ndarray, other: np.ndarray) -> float:

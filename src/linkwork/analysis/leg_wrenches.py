@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import networkx as nx
 import numpy as np
 
-from linkwork.equations.algebra import rotation_matrix
-from linkwork.equations.joints import motions_of, rows_of
+from linkwork.equations.algebra import cross_product, rotation_matrix, skew
+from linkwork.equations.joints import Row, motions_of, rows_of
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.joints import PairJoint
 from linkwork.robot import Robot
@@ -114,7 +114,7 @@ def span(A: np.ndarray) -> np.ndarray:
 def moved(wrenches: np.ndarray, place: np.ndarray) -> np.ndarray:
     """Return wrenches (6, k) with moments about another place."""
     found = np.array(wrenches)
-    found[:3] -= np.cross(place, wrenches[3:], axis=0)
+    found[:3] -= skew(place) @ wrenches[3:]
     return found
 
 
@@ -176,17 +176,31 @@ def on_line(wrench: np.ndarray, links: Sequence[Link], body: str) -> np.ndarray:
     if not f.any():
         return near
     along = f / np.linalg.norm(f)
-    start = np.cross(f, m) / (f @ f)
+    start = cross_product(f, m) / (f @ f)
     axis = links[0].axis if len(links) == 1 else np.zeros(3)
-    across = np.cross(along, axis)
+    across = cross_product(along, axis)
     if across @ across > ALIKE:
-        normal = np.cross(axis, across)
+        normal = cross_product(axis, across)
         return start + along * ((near - start) @ normal) / (along @ normal)
     return start + along * (along @ (near - start))
 
 
-def links_at(robot: Robot, poses: Poses) -> list[Link]:
-    """Return the joints of a robot at a configuration."""
+@dataclass(frozen=True, eq=False)
+class LinkForm:
+    """Hold what of a joint does not change: its bodies, its frames on them as places (3) and
+    matrices (3, 3), its rows, the one direction (3) that it turns about in its first frame, zero
+    without one, and that along which it slides (3), where it is driven."""
+
+    name: str
+    bodies: tuple[str, str]
+    frames: tuple[tuple[np.ndarray, np.ndarray], ...]
+    rows: tuple[Row, ...]
+    turn: np.ndarray
+    slide: np.ndarray | None
+
+
+def forms_of(robot: Robot) -> tuple[LinkForm, ...]:
+    """Return the joints of a robot, whose bodies move anyhow; refuse gears."""
     found = []
     for name, joint in robot.mechanism.joints.items():
         if not isinstance(joint, PairJoint):
@@ -194,36 +208,47 @@ def links_at(robot: Robot, poses: Poses) -> list[Link]:
                 f"the gear {name!r} couples joints, so that legs do not stand for themselves; "
                 "transmission indices are those of legs that the platform alone connects"
             )
-        found.append(link_at(name, joint, poses, name in robot.actuators))
-    return found
+        frames = [
+            (np.array(frame.position, float), rotation_matrix(frame.orientation))
+            for frame in joint.frames
+        ]
+        motions = motions_of(joint)
+        turns = [motion.turn for motion in motions if motion.turns and not motion.ball]
+        turn = np.array(turns[0], float) if len(turns) == 1 else np.zeros(3)
+        slide = np.array(motions[0].slide, float) if name in robot.actuators else None
+        found.append(
+            LinkForm(name, joint.connects, tuple(frames), tuple(rows_of(joint)), turn, slide)
+        )
+    return tuple(found)
 
 
-def link_at(name: str, joint: PairJoint, poses: Poses, driven: bool) -> Link:
+def links_at(robot: Robot, poses: Poses) -> list[Link]:
+    """Return the joints of a robot at a configuration."""
+    return [link_at(form, poses) for form in robot.once(forms_of)]
+
+
+def link_at(form: LinkForm, poses: Poses) -> Link:
     """Return a joint at a configuration."""
-    at = [poses[body] for body in joint.connects]
-    p1, p2 = (p + R @ frame.position for (p, R), frame in zip(at, joint.frames, strict=True))
-    R1, R2 = (
-        R @ rotation_matrix(frame.orientation)
-        for (_, R), frame in zip(at, joint.frames, strict=True)
+    at = [poses[body] for body in form.bodies]
+    (p1, R1), (p2, R2) = (
+        (p + R @ own, R @ turn) for (p, R), (own, turn) in zip(at, form.frames, strict=True)
     )
     held = []
-    for row in rows_of(joint):
+    for row in form.rows:
         f, couple = R1 @ row.e, np.zeros(3)
         if row.length is not None:
             f = (p2 - p1) / np.linalg.norm(p2 - p1)
         if row.f is not None:
-            couple, f = np.cross((R2 if row.crossing else R1) @ row.f, f), np.zeros(3)
+            couple, f = cross_product((R2 if row.crossing else R1) @ row.f, f), np.zeros(3)
         if row.pitch is not None:
             couple = -float(row.pitch) * f
-        held.append([*(couple + np.cross(p2, f)), *f])
-    motions = motions_of(joint)
-    turns = [motion.turn for motion in motions if motion.turns and not motion.ball]
-    axis = R1 @ turns[0] if len(turns) == 1 else np.zeros(3)
+        held.append([*(couple + cross_product(p2, f)), *f])
+    axis = R1 @ form.turn
     twist = None
-    if driven:
-        slide = R1 @ np.array(motions[0].slide, float)
-        twist = np.array([*axis, *(np.cross(p1, axis) + slide)])
-    return Link(name, joint.connects, np.reshape(held, (-1, 6)), np.array([p1, p2]), axis, twist)
+    if form.slide is not None:
+        twist = np.array([*axis, *(cross_product(p1, axis) + R1 @ form.slide)])
+    places = np.array([p1, p2])
+    return Link(form.name, form.bodies, np.reshape(held, (-1, 6)), places, axis, twist)
 
 
 def legs_at(links: Sequence[Link], base: str, platform: str) -> Iterator[PlatformLeg]:
