@@ -25,7 +25,7 @@ from linkwork.equations.equations import Equations
 from linkwork.equations.needs import bodies_need, frames, joint_twists, known_forces, line_tensions
 from linkwork.equations.rubbing import Rubbing, rubbing
 from linkwork.equations.tree import near_offset
-from linkwork.mechanism import JournalBearing
+from linkwork.mechanism import GearTeeth, JournalBearing
 
 Wrench = tuple[str, ca.SX]
 """A body and what acts on it from outside: [moment about its mass centre; force], in the ground's
@@ -180,7 +180,11 @@ class BearingLoads:
         return tuple(tuple(self._vectors(own)) for own in self.rubbing)
 
     def _vectors(self, own: Rubbing) -> Iterator[tuple[Number, ca.SX]]:
-        joint, bearing = self.equations.mechanism.pairs[own.joint], own.bearing
+        bearing = own.bearing
+        if isinstance(bearing, GearTeeth):
+            yield own.radius, self.multipliers.get(f"{own.joint}: ratio", SX(0))
+            return
+        joint = self.equations.mechanism.pairs[own.joint]
         first, second = frames(self.equations, joint)
         (twist,) = joint_twists(joint, first, second)
         axis = twist[3:] if twist[:3].is_zero() else twist[:3]

@@ -29,7 +29,7 @@ from linkwork.equations.closure import jacobian
 from linkwork.equations.equations import Equations
 from linkwork.equations.meeting import TINY
 from linkwork.equations.reflections import DEPENDENT_ROW
-from linkwork.equations.rubbing import rubbing
+from linkwork.equations.rubbing import Rubbing, rubbing
 from linkwork.equations.symmetric import solve_symmetric, unless
 from linkwork.mechanism import MechanismError
 
@@ -177,7 +177,7 @@ def refuse_open(equations: Equations) -> None:
     is the least that the bearing may carry, and taken.
     """
     loads = at_symbols(equations, SX.sym("u", len(equations.mechanism.actuators)), ())
-    if loads is None or not equations.cuts:
+    if loads is None or not (equations.cuts or equations.mechanism.gears):
         return
     # What each bearing carries, in some motion, and of every row of closing joints, held or not.
     names = [f"{cut.joint}: {row.name}" for cut in equations.cuts for row in cut.rows]
@@ -212,8 +212,17 @@ def refuse_open(equations: Equations) -> None:
             along = np.abs(x.T @ (change / sizes @ unfelt)).max(initial=0.0)
             if along > OPEN * np.linalg.norm(x) * every_change:
                 raise MechanismError(
-                    "the loops hold more than they need, so that rigid bodies leave open what this "
-                    "bearing carries; free a joint of the loop, by a spherical one for example, or "
-                    "leave the bearing's span or thrust_radius out",
-                    ("joints", own.joint, "bearing"),
+                    "the loops hold more than they need, so that rigid bodies leave open what "
+                    + left_open(own),
+                    ("joints", own.joint, "teeth" if own.teeth else "bearing"),
                 )
+
+
+def left_open(own: Rubbing) -> str:
+    """Return what a bearing, or teeth, may carry more or less of, and what may be done."""
+    if own.teeth:
+        return "this gear transmits; leave out a gear beside it, or these teeth"
+    return (
+        "this bearing carries; free a joint of the loop, by a spherical one for example, or leave "
+        "the bearing's span or thrust_radius out"
+    )

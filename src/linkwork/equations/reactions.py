@@ -37,7 +37,8 @@ def joint_loads(equations: Equations) -> ca.Function:
     phi = bearings.friction(equations, dv, u, by_body)
     if phi is not None:
         labels = equations.mechanism.rates
-        f[[labels.index(own.rate) for own in rubbing(equations.joints)]] += phi
+        for own, force in zip(rubbing(equations.joints), ca.vertsplit(phi), strict=True):
+            f[labels.index(own.rate)] += force
     outputs = {
         "needed": ca.vertcat(SX(0, 1), *needed),
         "centres": ca.vertcat(SX(0, 1), *centres),

@@ -1,6 +1,6 @@
 """How bearings rub: the part m of what they carry, for the rate u at which their surfaces slide.
 
-    u = r w of a journal of radius r, w of a slide
+    u = r w of a journal of radius r, w of a slide, r w of teeth at a coordinate of the ratio r
     m = m(|u|) u / sqrt(u^2 + rate^2)         or of a bristle, in runs,  s + damping z'
 
 What they carry follows from the accelerations: `bearings`.
@@ -16,25 +16,27 @@ import casadi as ca
 from linkwork.equations.algebra import SX, Number
 from linkwork.equations.contact import bending, coefficient, rubs
 from linkwork.equations.joint_map import JointMap
-from linkwork.mechanism import JournalBearing, SlidingBearing
-from linkwork.mechanism.bearing import bearing_name, bearings
+from linkwork.mechanism import GearJoint, GearTeeth, JournalBearing
+from linkwork.mechanism.bearing import Bearing, bearing_name, bearings
 
 
 @dataclass(frozen=True)
 class Rubbing:
-    """Hold a joint's bearing: its joint and rate by name, the row J (1 x nv) of that, and the
-    force of its bristle over what it carries, where a run has it."""
+    """Hold a joint's bearing, or a gear's teeth: joint and rate by name, the row J (1 x nv) of
+    that, the lever at which it rubs (the radius of a journal, 1 of a slide, the ratio of a gear),
+    and the force of its bristle over what it carries, where a run has it."""
 
     joint: str
     rate: str
     J: ca.SX
-    bearing: SlidingBearing
+    bearing: Bearing
+    radius: Number
     strain: ca.SX | None
 
     @property
-    def radius(self) -> Number:
-        """The lever at which it rubs: that of the journal, 1 of a slide."""
-        return self.bearing.radius if isinstance(self.bearing, JournalBearing) else 1.0
+    def teeth(self) -> bool:
+        """Whether it is a gear's teeth."""
+        return isinstance(self.bearing, GearTeeth)
 
     def sliding(self, w: ca.SX) -> ca.SX:
         """Return the rate u at which the surfaces slide, for the tree's rates."""
@@ -65,7 +67,12 @@ def rubbing(joints: JointMap, strains: Mapping[str, ca.SX] | None = None) -> tup
     found = []
     for name, bearing in bearings(described).items():
         if rubs(bearing.friction):
-            (rate,) = described[name].rates(name)
+            joint = described[name]
+            if isinstance(joint, GearJoint) and isinstance(bearing, GearTeeth):
+                rate, radius = bearing.at, abs(joint.ratios[bearing.at])
+            else:
+                (rate,) = joint.rates(name)
+                radius = bearing.radius if isinstance(bearing, JournalBearing) else 1.0
             strain = strains.get(bearing_name(name))
-            found.append(Rubbing(name, rate, SX(joints.rate_row(rate)), bearing, strain))
+            found.append(Rubbing(name, rate, SX(joints.rate_row(rate)), bearing, radius, strain))
     return tuple(found)

@@ -1,7 +1,7 @@
 """Stage 1, describe: a mechanism as frozen data, and its file format. No mathematics."""
 
 from linkwork.mechanism import joints, shapes, transmissions
-from linkwork.mechanism.bearing import JournalBearing, SlidingBearing
+from linkwork.mechanism.bearing import GearTeeth, JournalBearing, SlidingBearing
 from linkwork.mechanism.body import Body, Inertia
 from linkwork.mechanism.contact import Contact, HeightField, Plane, Points, Sliding
 from linkwork.mechanism.effects import Bristle, Effects, Friction, Lift, Limits, PointSpring, Spring
@@ -28,6 +28,7 @@ __all__ = [
     "Fluid",
     "Frame",
     "Friction",
+    "GearTeeth",
     "HeightField",
     "Inertia",
     "JournalBearing",

@@ -8,6 +8,8 @@ With the wrench [M; F] that a joint's constraints transmit, about the origin of 
 
 A slide rubs with the sum of the forces across, a revolute joint at `radius` with their sum and at
 `thrust_radius` with |F_a|. Moments about the axis of a slide do not count.
+
+The teeth of a gear rub with the force that the gear transmits to one of its coordinates.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from collections.abc import Mapping
 from pydantic import Field
 
 from linkwork.mechanism.contact import Sliding
-from linkwork.mechanism.record import Amount, MechanismError, Positive, Record
+from linkwork.mechanism.record import Amount, MechanismError, PathName, Positive, Record
 
 
 class SlidingBearing(Record):
@@ -41,9 +43,30 @@ class JournalBearing(SlidingBearing):
     )
 
 
-def bearings(joints: Mapping[str, object]) -> dict[str, SlidingBearing]:
-    """Return the bearings of joints, by name."""
-    found = {name: getattr(joint, "bearing", None) for name, joint in joints.items()}
+class GearTeeth(Record):
+    """Rub by the force that a gear transmits to a coordinate: of the power through the gear the
+    part m is lost there.
+
+    From the other coordinates to this one the gear has the efficiency 1 - m, from this one to the
+    others 1 / (1 + m).
+    """
+
+    friction: Sliding = Field(
+        description="of the teeth; its coefficient m times the force that the gear transmits to "
+        "the coordinate, its rates those of ratio times coordinate"
+    )
+    at: PathName = Field(description="coordinate of the gear at which the teeth rub")
+
+
+Bearing = SlidingBearing | GearTeeth
+
+
+def bearings(joints: Mapping[str, object]) -> dict[str, Bearing]:
+    """Return what rubs by what it carries, by the names of joints: bearings, and teeth of gears."""
+    found = {
+        name: getattr(joint, "bearing", None) or getattr(joint, "teeth", None)
+        for name, joint in joints.items()
+    }
     return {name: own for name, own in found.items() if own is not None}
 
 

@@ -19,7 +19,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
-from linkwork.mechanism.bearing import JournalBearing, SlidingBearing
+from linkwork.mechanism.bearing import GearTeeth, JournalBearing, SlidingBearing
 from linkwork.mechanism.effects import Effects, Friction, Limits, Spring, require_ends
 from linkwork.mechanism.elastic import Elastic
 from linkwork.mechanism.frame import Frame
@@ -354,12 +354,19 @@ class GearJoint(JointBase):
     offset: Real = Field(
         default=0.0, description="value that the sum keeps [unit of ratio times coordinate]"
     )
+    teeth: GearTeeth | None = Field(default=None, description="rub by what the gear transmits")
 
     @model_validator(mode="after")
     def _couples(self):
         if sum(ratio != 0 for ratio in self.ratios.values()) < 2:
             raise MechanismError(
                 "a gear couples at least two coordinates by ratios other than zero", ("ratios",)
+            )
+        if self.teeth and not self.ratios.get(self.teeth.at):
+            raise MechanismError(
+                f"the teeth rub at {self.teeth.at!r}, which the gear does not couple; give one of "
+                f"{', '.join(self.ratios)}",
+                ("teeth", "at"),
             )
         return self
 

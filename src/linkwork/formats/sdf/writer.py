@@ -34,6 +34,7 @@ from linkwork.mechanism import (
     PairJoint,
     Sphere,
 )
+from linkwork.mechanism.bearing import bearings
 from linkwork.mechanism.effects import Effects
 from linkwork.mechanism.files import write_whole
 
@@ -295,3 +296,5 @@ def tell_losses(sheet: SdfSheet) -> None:
         say("stops are left out: SDF's limits follow another law", alters=True)
     if any(each.spring.damping or each.friction.static or each.friction.bristle for each in own):
         say("dampers of springs, static friction and bristles are left out", alters=True)
+    if named := ", ".join(bearings(mechanism.joints)):
+        say(f"{named}: friction that grows with load is left out", alters=True)

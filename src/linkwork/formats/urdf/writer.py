@@ -39,6 +39,7 @@ from linkwork.mechanism import (
     PairJoint,
     Sphere,
 )
+from linkwork.mechanism.bearing import bearings
 from linkwork.mechanism.effects import Friction
 from linkwork.mechanism.files import write_whole
 
@@ -275,5 +276,7 @@ def tell_losses(sheet: UrdfSheet) -> None:
         say("stops are left out: URDF has limits alone", alters=True)
     if any(each.spring.damping or each.friction.static or each.friction.bristle for each in own):
         say("dampers of springs, static friction and bristles are left out", alters=True)
+    if named := ", ".join(bearings(mechanism.joints)):
+        say(f"{named}: friction that grows with load is left out", alters=True)
     if any(each.friction.coulomb_rate != plain.coulomb_rate for each in own):
         say("the rate at which Coulomb friction is smoothed is left out", alters=True)
