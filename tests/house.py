@@ -28,7 +28,7 @@ WINGS = {
     ),
     "bearings": ("bearing", "bearing_loads", "bearings", "needs", "rubbing"),
     "fluid": ("fluid",),
-    "transmissions": ("cables", "reaches", "transmissions"),
+    "transmissions": ("cables", "displacements", "transmissions"),
     "refusals": ("checks", "refusal"),
     # How equations begin, and which are chosen.
     "home": ("around_home", "homing", "nearest", "reference"),

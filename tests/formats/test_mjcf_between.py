@@ -23,7 +23,7 @@ CRANKS = """
 <position name="on" cranksite="d" slidersite="s" cranklength="2" kp="11" dampratio="0.8"/>
 <position name="broken" cranksite="b" slidersite="w2" cranklength="0.1" kp="5" dampratio="0.5"/>
 <motor name="pulled" cranksite="w" slidersite="d" cranklength="2.5" gear="0.7"/>"""
-REACHES = """
+SEEN = """
 <position name="x" site="d" refsite="w" gear="1 0.3 -0.2 0 0 0" kp="20" kv="3"/>
 <position name="y" site="d" refsite="s" gear="0 1.5 0.4 0 0 0" kp="9" dampratio="0.7"/>
 <position name="r" site="d" refsite="w" gear="0 0 0 0.6 -0.8 0" kp="7" kv="0.6" ctrlrange="-1 1"/>
@@ -32,7 +32,7 @@ REACHES = """
  gainprm="2"/>"""
 
 
-@pytest.mark.parametrize("actuators", [CRANKS, REACHES])
+@pytest.mark.parametrize("actuators", [CRANKS, SEEN])
 def test_controls_do_what_they_do_in_mujoco(actuators, tmp_path):
     path, again = tmp_path / "arm.xml", tmp_path / "again.xml"
     path.write_text(SITED.format(joint="", actuators=actuators))
@@ -65,7 +65,7 @@ def test_what_differs_from_mujoco_is_told(actuator, told, tmp_path):
 def test_rates_of_displacements_are_those_of_lengths(tmp_path):
     """By differences along a motion, the rod's end and where it does not reach included."""
     path = tmp_path / "arm.xml"
-    lines = "".join(each for each in (CRANKS + REACHES).splitlines(True) if 'name="r"' not in each)
+    lines = "".join(each for each in (CRANKS + SEEN).splitlines(True) if 'name="r"' not in each)
     path.write_text(SITED.format(joint="", actuators=lines))
     robot = lw.Robot(load(path).mechanism)
     w, h = np.array([0.7, -0.5, 0.3, 0.9]), 1e-6

@@ -31,9 +31,12 @@ actuators: [%s]
             "transmissions: {x: {type: slider_crank, pin: {body: b}, body: a, rod: 1}}",
             "transmissions.x: there is no body 'b'",
         ),
-        ("transmissions: {x: {type: reach, body: a, base: ground}}", "x.force: pushes nowhere"),
         (
-            "transmissions: {x: {type: reach, body: a, base: b, moment: [1, 0, 0]}}",
+            "transmissions: {x: {type: displacement, body: a, base: ground}}",
+            "x.force: pushes nowhere",
+        ),
+        (
+            "transmissions: {x: {type: displacement, body: a, base: b, moment: [1, 0, 0]}}",
             "transmissions.x: there is no body 'b'",
         ),
         ("drives: {j: {gain: 3}}", "drives.j.type: is missing; give the type of a drive"),
@@ -88,7 +91,7 @@ def test_a_description_with_them_comes_back_equal():
 BETWEEN = """transmissions:
   piston: {type: slider_crank, pin: {body: a, point: [0.1, 0, 0.1]}, body: ground,
            frame: {position: [0.5, 0, 0.3]}, rod: %s}
-  hand: {type: reach, body: a, base: ground, force: [%s, 0, 0.4]}
+  hand: {type: displacement, body: a, base: ground, force: [%s, 0, 0.4]}
   fan: {type: thrust, body: a, force: [%s, 0, 0.4]}"""
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from linkwork.equations.algebra import present
 from linkwork.equations.joints import held_length
-from linkwork.mechanism import Combination, Mechanism, Reach, Thrust
+from linkwork.mechanism import Combination, Displacement, Mechanism, Thrust
 from linkwork.mechanism.joints import SLIDES, PairJoint
 
 ROUNDING = 1e-9
@@ -87,5 +87,7 @@ def slides(mechanism: Mechanism) -> dict[str, bool]:
         if isinstance(line, Combination):
             found[name] = any(found[label] for label, ratio in line.ratios.items() if ratio)
         else:
-            found[name] = not isinstance(line, Thrust | Reach) or any(map(present, line.force))
+            found[name] = not isinstance(line, Thrust | Displacement) or any(
+                map(present, line.force)
+            )
     return found

@@ -2,7 +2,7 @@
 
     combination    x = offset + sum ratio_i q_i       ratio_i on the rate of coordinate i
     cable          its way (`cables`)                 forces along its straight parts
-    slider-crank, reach                               forces between two bodies (`reaches`)
+    slider-crank, displacement (`displacements`)      forces between two bodies
     thrust         no length (x = 0)                  a wrench that moves with its body
 
 The row J (1 x nv) of the rate x' = J w follows from the forces, by their power: J = sum ratio_i J_i
@@ -19,14 +19,14 @@ import numpy as np
 
 from linkwork.equations.algebra import SX, vector
 from linkwork.equations.cables import way
+from linkwork.equations.displacements import measured
 from linkwork.equations.jacobians import jacobian
-from linkwork.equations.reaches import measured
 from linkwork.equations.tree import Tree, near_offset, offset
 from linkwork.mechanism import (
     GROUND,
     Cable,
     Combination,
-    Reach,
+    Displacement,
     SliderCrank,
     Thrust,
     Transmission,
@@ -69,7 +69,7 @@ def along(line: Transmission, tree: Tree, position: Callable[[str], ca.SX]) -> A
     return Along(SX(0), wrenches=((line.body, near_offset(node, vector(line.point)), wrench),))
 
 
-def led(line: Cable | SliderCrank | Reach, tree: Tree) -> Along:
+def led(line: Cable | SliderCrank | Displacement, tree: Tree) -> Along:
     """Return what is measured between bodies in a tree."""
 
     def place(body: str) -> tuple[ca.SX, ca.SX]:

@@ -32,11 +32,11 @@ __all__ = [
     "Cable",
     "CablePart",
     "Combination",
+    "Displacement",
     "LoadedLength",
     "OverCylinder",
     "OverSphere",
     "PulleyBlock",
-    "Reach",
     "SlackSpring",
     "SliderCrank",
     "Thrust",
@@ -255,12 +255,12 @@ class SliderCrank(Record):
         return self.pin.body, self.body
 
 
-class Reach(Record):
+class Displacement(Record):
     """Act between two bodies along what a frame of one is displaced and turned against a frame of
     the other: l = force . p + moment . phi, with its origin p and the rotation vector phi, both
     seen from there. The rate is that of p, and of phi the angular velocity."""
 
-    type: Literal["reach"] = "reach"
+    type: Literal["displacement"] = "displacement"
     body: Name = Field(description="name of the body")
     frame: Frame = Field(default=Frame(), description="in the body's frame")
     base: Name = Field(description="name of the other body, or ground")
@@ -286,7 +286,7 @@ class Reach(Record):
 
 
 Transmission = Annotated[
-    Combination | Cable | Thrust | SliderCrank | Reach, Field(discriminator="type")
+    Combination | Cable | Thrust | SliderCrank | Displacement, Field(discriminator="type")
 ]
 TYPES: dict[str, type[Record]] = {
     kind.model_fields["type"].default: kind for kind in get_args(get_args(Transmission)[0])

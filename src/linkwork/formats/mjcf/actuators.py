@@ -3,7 +3,7 @@
     hinge, slide, axis of a ball        a joint rate; another actuator of the same rate, and one of
                                         a tendon of joints, a combination of coordinates
     site                                a thrust: a wrench that moves with its body
-    site and refsite, cranksite         a reach between two bodies, a slider-crank
+    site and refsite, cranksite         a displacement between two bodies, a slider-crank
 
 What it does there is its law (`drive_laws`).
 """
@@ -27,8 +27,8 @@ from linkwork.mechanism import (
     GROUND,
     Cable,
     Combination,
+    Displacement,
     Friction,
-    Reach,
     SlackSpring,
     SliderCrank,
     Thrust,
@@ -139,8 +139,10 @@ class ActuatorReader:
                 continue
             self.found.names[name] = None
             line = self.found.transmissions.get(name)
-            whole = isinstance(line, Thrust | Reach) or "." in name  # which have the gear in them
-            between = line if isinstance(line, Reach | SliderCrank) else None
+            whole = (
+                isinstance(line, Thrust | Displacement) or "." in name
+            )  # which have the gear in them
+            between = line if isinstance(line, Displacement | SliderCrank) else None
             law = self.laws.law(element, 1.0 if whole else float(gear[0]), between)
             if law:
                 self.found.drives[name] = law
@@ -286,7 +288,7 @@ class ActuatorReader:
                 "takes its command as it is, and MuJoCo the nearest of those a whole turn apart",
             )
         force, moment = poses.triple(gear[:3]), poses.triple(gear[3:])
-        seen = Reach(
+        seen = Displacement(
             body=body,
             frame=poses.frame_of(X),
             base=base,

@@ -26,7 +26,7 @@ from linkwork.formats.mjcf.motors import MotorLaw, motor_law
 from linkwork.formats.mjcf.tree import ModelTree, Piece
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
-from linkwork.mechanism import Cable, Combination, Reach, SliderCrank
+from linkwork.mechanism import Cable, Combination, Displacement, SliderCrank
 
 LAWS = ("motor", "position", "velocity", "intvelocity", "damper", "cylinder", "general")
 MOTORS = ("pid", "dcmotor")
@@ -36,7 +36,7 @@ UNKNOWN_IN_MUSCLES = ("forcerange", "forcelimited", "actlimited", "actrange", "a
 PLAIN = "is taken as a plain actuator: its control law is left out, the force is yours"
 
 Numbers = dict[str, float | str]
-Measured: TypeAlias = Combination | Cable | SliderCrank | Reach
+ActedAlong: TypeAlias = Combination | Cable | SliderCrank | Displacement
 
 
 @dataclass
@@ -60,10 +60,10 @@ class DriveReader:
     users: Counter[str]
     pullers: Counter[str | None]
     notes: Notes
-    between: SliderCrank | Reach | None = None
+    between: SliderCrank | Displacement | None = None
 
     def law(
-        self, element: Element, gear: float, between: SliderCrank | Reach | None = None
+        self, element: Element, gear: float, between: SliderCrank | Displacement | None = None
     ) -> Numbers:
         """Return the numbers of the drive that an actuator is; none of one that gives its control
         as a force; between: what it acts along, if that is neither joints nor a tendon."""
@@ -267,7 +267,7 @@ class DriveReader:
         ratios = dict.fromkeys((self.joints.coordinates[n] for n in self.moved(element)), 1.0)
         return gear * self._along(Combination(ratios=ratios), self.inertia[1])
 
-    def _along(self, line: Measured, places: dict[str, int]) -> np.ndarray:
+    def _along(self, line: ActedAlong, places: dict[str, int]) -> np.ndarray:
         """Return J (nv) of a transmission at qpos0."""
         if not isinstance(line, Combination):
             return along(line, self.tree)

@@ -9,12 +9,12 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations.cables import way
-from linkwork.equations.reaches import measured
+from linkwork.equations.displacements import measured
 from linkwork.formats import poses
 from linkwork.formats.mjcf.document import ACTUATORS, Document
 from linkwork.formats.mjcf.tree import ModelTree, Piece
 from linkwork.formats.notes import Notes
-from linkwork.mechanism import GROUND, Cable, Reach, SliderCrank
+from linkwork.mechanism import GROUND, Cable, Displacement, SliderCrank
 
 FREEDOMS = {"slide": 1, "hinge": 1, "ball": 3, "free": 6}
 UNSEEN = "has an armature, which is left out"
@@ -64,7 +64,7 @@ def jacobians(tree: ModelTree, origins: bool = False) -> dict[str, np.ndarray]:
     return found
 
 
-def along(line: Cable | SliderCrank | Reach, tree: ModelTree) -> np.ndarray:
+def along(line: Cable | SliderCrank | Displacement, tree: ModelTree) -> np.ndarray:
     """Return J (nv) of l' = J w of what is measured between bodies at qpos0."""
     at, moving = tree.poses(), jacobians(tree, origins=True)
 

@@ -10,10 +10,10 @@ from linkwork.formats.mjcf.sheet import Sheet, placed, put
 from linkwork.mechanism import (
     Cable,
     Combination,
+    Displacement,
     LoadedLength,
     MechanismError,
     PulleyBlock,
-    Reach,
     SliderCrank,
     Thrust,
     ViaPoint,
@@ -98,7 +98,7 @@ def write_actuator(sheet: Sheet, name: str) -> None:
         wrench = [gear * float(x) for x in (*line.force, *line.moment)]
         given = {"site": f"{name}.site", "gear": numbers(wrench)}
         sheet.add("actuator", tag, name=name, **given, **shown)
-    elif isinstance(line, SliderCrank | Reach):
+    elif isinstance(line, SliderCrank | Displacement):
         sheet.add("actuator", tag, name=name, **_between(sheet, name, line, gear), **shown)
     elif line is not None:
         given = {"tendon": line_name(sheet, name), "gear": number(gear)}
@@ -110,7 +110,9 @@ def write_actuator(sheet: Sheet, name: str) -> None:
         write_ball_actuator(sheet, name, tag, gear, shown)
 
 
-def _between(sheet: Sheet, name: str, line: SliderCrank | Reach, gear: float) -> dict[str, str]:
+def _between(
+    sheet: Sheet, name: str, line: SliderCrank | Displacement, gear: float
+) -> dict[str, str]:
     """Return the attributes of an actuator between two sites, which are added."""
     if isinstance(line, SliderCrank):
         keys, others = ("slidersite", "cranksite"), poses.shift(line.pin.point)

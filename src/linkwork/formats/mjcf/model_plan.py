@@ -32,10 +32,10 @@ from linkwork.mechanism import (
     GROUND,
     Cable,
     Combination,
+    Displacement,
     Mechanism,
     MechanismError,
     PairJoint,
-    Reach,
     SliderCrank,
     Thrust,
 )
@@ -369,7 +369,7 @@ class _Planner:
         lines = self.mechanism.transmissions.values()
         kept |= {line.body for line in lines if isinstance(line, Thrust)}
         kept |= {lift.body for lift in self.mechanism.lifts.values()}
-        between = (Cable, SliderCrank, Reach)
+        between = (Cable, SliderCrank, Displacement)
         kept |= {body for line in lines if isinstance(line, between) for body in line.bodies}
         for name in list(self.seats):
             seat = self.seats[name]

@@ -3,11 +3,11 @@ and of one frame seen from another; and what a unit force along them does.
 
     slider-crank   l = a . v - s,  s = sqrt((a . v)^2 + rod^2 - v . v)
                    dl/dv = (1 - a . v / s) a + v / s,   dl/da = (1 - a . v / s) v
-    reach          l = f . R' p + m . phi(R' R_2)         p: from the base's frame to the other one,
+    displacement   l = f . R' p + m . phi(R' R_2)         p: from the base's frame to the other,
                                                           R: axes of the base's frame
 
 The force on the slider-crank's pin is dl/dv; its body has the opposite one and the moment
-a x dl/da. A reach acts at the other frame's origin, on both bodies, with R f and R m.
+a x dl/da. A displacement acts at the other frame's origin, on both bodies, with R f and R m.
 
 Source: MuJoCo 4's transmissions of cranksite and refsite, as its MJCF reference describes them.
 """
@@ -21,13 +21,13 @@ import casadi as ca
 from linkwork.equations.algebra import SX, cross, dot, present, vector
 from linkwork.equations.cables import Places
 from linkwork.equations.frames import frame_matrix
-from linkwork.mechanism import Frame, Reach, SliderCrank
+from linkwork.mechanism import Displacement, Frame, SliderCrank
 
 TINY = 1e-30  # of squared lengths and sines that have no direction
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredLength:
     """Hold a length, and the forces on bodies by a unit force along it: body, point in the ground's
     axes, moment about it, force."""
 
@@ -42,12 +42,12 @@ class Measured:
         ]
 
 
-def measured(line: SliderCrank | Reach, place: Places) -> Measured:
-    """Return the length of a slider-crank or reach, and what acts along it."""
-    return _crank(line, place) if isinstance(line, SliderCrank) else _reach(line, place)
+def measured(line: SliderCrank | Displacement, place: Places) -> MeasuredLength:
+    """Return the length of a slider-crank or displacement, and what acts along it."""
+    return _crank(line, place) if isinstance(line, SliderCrank) else _displacement(line, place)
 
 
-def _crank(line: SliderCrank, place: Places) -> Measured:
+def _crank(line: SliderCrank, place: Places) -> MeasuredLength:
     R, slider = _put(line.frame, line.body, place)
     R_pin, pin = place(line.pin.body)
     pin = pin + ca.mtimes(R_pin, vector(line.pin.point))
@@ -59,19 +59,19 @@ def _crank(line: SliderCrank, place: Places) -> Measured:
     by_v = ca.if_else(reaches, (1 - ahead / s) * a + v / s, a)
     by_a = ca.if_else(reaches, (1 - ahead / s) * v, v)
     none = SX.zeros(3)
-    return Measured(
+    return MeasuredLength(
         length, ((line.pin.body, pin, none, by_v), (line.body, slider, cross(a, by_a), -by_v))
     )
 
 
-def _reach(line: Reach, place: Places) -> Measured:
+def _displacement(line: Displacement, place: Places) -> MeasuredLength:
     R, origin = _put(line.base_frame, line.base, place)
     R_2, point = _put(line.frame, line.body, place)
     force, moment = (ca.mtimes(R, vector(part)) for part in (line.force, line.moment))
     length = dot(force, point - origin)
     if any(map(present, line.moment)):
         length += dot(SX(vector(line.moment)), _turned(ca.mtimes(R.T, R_2)))
-    return Measured(
+    return MeasuredLength(
         length, ((line.body, point, moment, force), (line.base, point, -moment, -force))
     )
 
