@@ -38,8 +38,8 @@ WINGS = {
         "reordering",
     ),
     "large mechanisms": (
-        *("articulated", "uncharted", "bound", "unit_directions", "partitioned", "tabled"),
-        *("abreast", "called", "fixed_results", "partitioned_slopes", "repeats"),
+        *("articulated", "uncharted", "bound", "unit_directions", "unit_rows", "partitioned"),
+        *("abreast", "called", "fixed_results", "partitioned_slopes", "repeats", "tabled"),
     ),
     # How code becomes quick, and is kept.
     "fewer operations": ("simplify",),

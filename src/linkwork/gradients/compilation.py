@@ -15,6 +15,7 @@ as it stands.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Literal
 
 import casadi as ca
@@ -27,12 +28,14 @@ from linkwork.gradients import differentiable
 from linkwork.gradients.differentiable import Differentiable, Throughout
 from linkwork.gradients.missing_forces import ForwardDynamics, NeededForces
 from linkwork.gradients.tangent import Shift, Tangent
-from linkwork.kernels import Kernel
+from linkwork.kernels import Kernel, compile_function
 from linkwork.mechanism.bearing import bearings as of_joints
 from linkwork.model.charts import CompiledChart
 from linkwork.model.derivations import kept
 
 Form = Literal["jacobian", "jvp", "vjp"]
+FEW, MANY = 2, 16  # rows of a Jacobian for which vectors pay
+LONG = 5000  # instructions of a Jacobian from which on they do
 
 
 def forward_dynamics(equations: Equations) -> Differentiable:
@@ -158,7 +161,26 @@ def expressed(equations: Equations, what: str, form: Form) -> ca.Function:
 def compiled(chart: CompiledChart, what: str, form: Form) -> Kernel:
     """Return the kernel of a derivative in a chart; its last input is p, the chart's if left
     out."""
-    return stored(chart, f"{what}_{form}", lambda equations: expressed(equations, what, form))
+    name = f"{what}_{form}"
+    if form != "jacobian":
+        return stored(chart, name, lambda equations: expressed(equations, what, form))
+
+    def made(equations: Equations) -> Kernel:
+        f = derived(chart, name, lambda: expressed(equations, what, form))
+        gradient = partial(
+            derived, chart, f"{what}_vjp", partial(expressed, equations, what, "vjp")
+        )
+        return compile_function(f, gradient if by_rows(equations, f) else None)
+
+    return chart.compiled(f"gradients: {name}", made).given(chart.p)
+
+
+def by_rows(equations: Equations, jacobian: ca.Function) -> bool:
+    """Tell whether the Jacobian at one state is quicker row by row in the lanes of vectors: where
+    it is long, and its rows are neither few nor many."""
+    n = equations.mobility
+    rows = jacobian.numel_out("by_q") // n
+    return FEW < rows <= MANY and jacobian.n_instructions() > LONG
 
 
 def compiled_drift(chart: CompiledChart) -> Kernel:
@@ -175,9 +197,13 @@ def stored(chart: CompiledChart, name: str, make: Callable[[Equations], ca.Funct
     """Return the kernel of a function of a chart's equations, which is made once on a machine."""
 
     def found(equations: Equations) -> ca.Function:
-        key = equations.key
-        if not key:
-            return make(equations)
-        return kept(lambda: make(equations), f"gradients of {name}", key, repr(chart.key))
+        return derived(chart, name, lambda: make(equations))
 
     return chart.compiled(f"gradients: {name}", found).given(chart.p)
+
+
+def derived(chart: CompiledChart, name: str, make: Callable[[], ca.Function]) -> ca.Function:
+    """Return a function of a chart's equations, from the folder of the kernels if it was made
+    before."""
+    key = chart.equations.key
+    return kept(make, f"gradients of {name}", key, repr(chart.key)) if key else make()

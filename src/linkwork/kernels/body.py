@@ -34,7 +34,8 @@ class SectionBody:
     truths, made when needed.
 
     What other sections compute is read from the slots at `source`; what they need is written to the
-    slots at `target`. So many vectors lie `abreast` in a row of %in and of %out.
+    slots at `target`. So many vectors lie `abreast` in a row of %in and of %out; the first `shared`
+    inputs are single numbers for all lanes, and whole vectors follow them.
     """
 
     def __init__(
@@ -45,6 +46,7 @@ class SectionBody:
         source: str,
         target: str,
         abreast: int,
+        shared: int = 0,
     ):
         self.lines = lines
         self.nodes = program.nodes
@@ -52,6 +54,7 @@ class SectionBody:
         self.source = source
         self.target = target
         self.abreast = abreast
+        self.shared = shared
         self._numbers: dict[int, str] = {}
         self._truths: dict[int, str] = {}
         self._turned: dict[int, tuple[str, str]] = {}
@@ -92,8 +95,12 @@ class SectionBody:
 
     def _fetched(self, k: int) -> str:
         op, args, value = self.nodes[k]
+        if op == "input" and value < self.shared:
+            return self.lines.single("%in", int(value))
         if op == "input":
-            return self.lines.load("%in", int(value) * self.abreast)
+            return self.lines.load(
+                "%in", vector_place(int(value), self.shared, self.lines.width) * self.abreast
+            )
         if op in ("sin", "cos") and args[0] in self._turned:
             return self._turned[args[0]][op == "cos"]
         return self.lines.load(self.source, self.plan.slot(k))
@@ -134,6 +141,11 @@ class SectionBody:
         lines, zero = self.lines, self.lines.constant(0.0)
         positive = lines.select(lines.compare("ogt", x, zero), lines.constant(1.0), x)
         return lines.select(lines.compare("olt", x, zero), lines.constant(-1.0), positive)
+
+
+def vector_place(k: int, shared: int, width: int) -> int:
+    """Return the place in vectors of input k, behind so many single numbers."""
+    return k - shared + -(-shared // width)
 
 
 class PartBody(SectionBody):

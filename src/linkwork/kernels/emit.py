@@ -12,7 +12,8 @@ straight-line code, but for the sines and cosines at the sections' ends (`angles
 a large program are functions of their own. Functions that are not inlined are calls of the C
 library, lane by lane. The first module takes its angles in vectors of 4 at most, since longer ones
 would slow down the single numbers around them. The second one holds `rows` as well, which uses
-`batch`; a fourth one holds these and `columns` (`unit_directions`).
+`batch`; a fourth one holds these and `columns` (`unit_directions`), a fifth one a Jacobian row by
+row (`unit_rows`).
 
 `wide` does one vector of states after the other, as `batch` does: the processor begins the next one
 while it waits for the last results of the one before. A loop that needs all results before it can
@@ -30,8 +31,9 @@ from linkwork.kernels.program import Program
 from linkwork.kernels.sections import Section, SectionPlan, planned
 from linkwork.kernels.stored_states import rows_text
 from linkwork.kernels.unit_directions import columns_text
+from linkwork.kernels.unit_rows import ByRows, joining_text
 
-Kind = Literal["one", "batch", "wide", "columns"]
+Kind = Literal["one", "batch", "wide", "columns", "by_rows"]
 
 ABREAST = 2  # vectors of states that `wide` evaluates
 FUNCTIONS: dict[Kind, tuple[str, ...]] = {
@@ -39,13 +41,15 @@ FUNCTIONS: dict[Kind, tuple[str, ...]] = {
     "batch": ("batch", "rows"),
     "wide": ("wide",),
 }
-"""The functions that the modules of every program define; "columns" is for derivatives alone."""
+"""The functions that the modules of every program define; "columns" and "by_rows" are for
+derivatives alone."""
 
 
 def module_text(program: Program, machine: Machine, kind: Kind) -> str:
     """Return the LLVM module of a program with the FUNCTIONS of its kind, or with `columns`."""
-    if kind == "one":
-        machine = machine.for_single_numbers
+    rows, single_numbers = ByRows(program), machine.for_single_numbers
+    if kind == "one" or (kind == "by_rows" and rows.rows <= single_numbers.lanes):
+        machine = single_numbers
     called = {node.op for node in program.nodes if node.op in LIBRARY}
     if called & {"sin", "cos"}:
         called |= {"sin", "cos"}
@@ -59,6 +63,14 @@ def module_text(program: Program, machine: Machine, kind: Kind) -> str:
         parts += _one(program, machine)
     else:
         parts += [_lane_by_lane(name, machine) for name in sorted(called - {"sin", "cos"})]
+    if kind == "by_rows":
+        single, batch = rows.single(), rows.batch()
+        parts += [
+            *_one(single, machine, "single"),
+            *_vectors(batch, machine, "batch", len(rows.shared)),
+        ]
+        parts.append(joining_text(rows, single, batch, machine))
+    elif kind != "one":
         parts += _vectors(program, machine, "wide" if kind == "wide" else "batch")
     if kind in ("batch", "columns"):
         parts.append(rows_text(program, machine))
@@ -67,15 +79,16 @@ def module_text(program: Program, machine: Machine, kind: Kind) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _one(program: Program, machine: Machine) -> list[str]:
-    lines = Lines(1, ConstantTable.of("one", machine))
-    parts = _evaluation("one", lines, program, machine, 1)
+def _one(program: Program, machine: Machine, name: str = "one") -> list[str]:
+    lines = Lines(1, ConstantTable.of(name, machine))
+    parts = _evaluation(name, lines, program, machine, 1)
     lines.do("ret void")
-    head = f"void @one({INOUT.format('%in', '%out')}) {machine.attributes}"
+    linkage = "" if name == "one" else "internal "
+    head = f"{linkage}void @{name}({INOUT.format('%in', '%out')}) {machine.attributes}"
     return [*parts, lines.table_text(), function_text(head, lines.text)]
 
 
-def _vectors(program: Program, machine: Machine, kind: Kind) -> list[str]:
+def _vectors(program: Program, machine: Machine, kind: Kind, shared: int = 0) -> list[str]:
     """Return `batch`, whose blocks lie one after the other, or `wide`, whose rows hold the vectors
     side by side."""
     wide = kind == "wide"
@@ -89,7 +102,7 @@ def _vectors(program: Program, machine: Machine, kind: Kind) -> list[str]:
     lines.do(f"%left = phi i64 [ {count}, %entry ], [ %left.next, %next ]")
     lines.do("%in = phi ptr [ %in.first, %entry ], [ %in.next, %next ]")
     lines.do("%out = phi ptr [ %out.first, %entry ], [ %out.next, %next ]")
-    parts = _evaluation(kind, lines, program, machine, abreast)
+    parts = _evaluation(kind, lines, program, machine, abreast, shared)
     lines.do("br label %next")
     lines.label("next")
     lines.do(f"%in.next = getelementptr inbounds {lines.number}, ptr %in, i64 {steps[0]}")
@@ -105,14 +118,15 @@ def _vectors(program: Program, machine: Machine, kind: Kind) -> list[str]:
 
 
 def _evaluation(
-    name: str, lines: Lines, program: Program, machine: Machine, abreast: int
+    name: str, lines: Lines, program: Program, machine: Machine, abreast: int, shared: int = 0
 ) -> list[str]:
     """Append the evaluation of a program, from %in to %out, to a function; return the definitions
     that this needs besides.
 
-    abreast: the vectors that lie side by side in %in and %out, of which the first is meant.
+    abreast: the vectors that lie side by side in %in and %out, of which the first is meant; shared:
+    inputs that are single numbers for all lanes.
     """
-    plan = planned(program, machine.lanes // lines.width)
+    plan = planned(program, machine.lanes // lines.width, not shared)
     if plan.slots or plan.apart:
         slots = max(plan.slots, 1)
         lines.text.insert(1, f"%kept = alloca [{slots} x {lines.number}], align 64")
@@ -121,13 +135,13 @@ def _evaluation(
         written.append(fixed_text(f"{name}.fixed", plan.fixed, lines.width, machine, abreast))
         lines.do(f"call void @{name}.fixed(ptr %out)")
     if plan.apart:
-        return written + _in_functions(name, lines, program, plan, machine, abreast)
+        return written + _in_functions(name, lines, program, plan, machine, abreast, shared)
     wide = (
         lines
         if lines.width > 1
         else lines.of_width(machine.lanes, ConstantTable.of(f"{name}.angles", machine))
     )
-    body = SectionBody(lines, program, plan, "%kept", "%kept", abreast)
+    body = SectionBody(lines, program, plan, "%kept", "%kept", abreast, shared)
     for section in plan.sections:
         body.add(section)
         if section.vectors:
@@ -136,7 +150,13 @@ def _evaluation(
 
 
 def _in_functions(
-    name: str, lines: Lines, program: Program, plan: SectionPlan, machine: Machine, abreast: int
+    name: str,
+    lines: Lines,
+    program: Program,
+    plan: SectionPlan,
+    machine: Machine,
+    abreast: int,
+    shared: int,
 ) -> list[str]:
     """Append the calls of the sections as functions, and return these."""
     wide = lines.of_width(machine.lanes)
@@ -152,7 +172,7 @@ def _in_functions(
             lines.do(called.call_text(f"{name}.part.{number}", part, call))
             continue
         part = Lines(lines.width, ConstantTable.of(f"{name}.{k}", machine))
-        body = SectionBody(part, program, plan, "%source", "%target", abreast)
+        body = SectionBody(part, program, plan, "%source", "%target", abreast, shared)
         body.add(section)
         _keep_angles(body, section, machine)
         part.do("ret void")

@@ -26,7 +26,7 @@ FEWEST = 2000  # states that are worth a thread
 _DOUBLE = np.dtype(np.float64)
 
 
-def compile_function(f: ca.Function) -> "Kernel":
+def compile_function(f: ca.Function, rows: Callable[[], ca.Function] | None = None) -> "Kernel":
     """Return the kernel of a CasADi function of SX: machine code, compiled or taken from the cache
     when it is first needed.
 
@@ -36,12 +36,13 @@ def compile_function(f: ca.Function) -> "Kernel":
     states and for states side by side is separate: a process that needs one kind does not wait for
     the others.
 
-    f: the function; it has no free variables.
+    f: the function; it has no free variables. rows: gives the gradient of weights times the value
+    that f is the Jacobian of, if code for one state is to be made of that (`unit_rows`).
     Returns the kernel.  Raises KernelError naming what cannot be compiled.
     The kernel warns once where the cache's folder cannot be written, and where an entry of the
     cache is damaged; it is right all the same.
     """
-    return Kernel(f)
+    return Kernel(f, rows)
 
 
 class Kernel:
@@ -72,9 +73,9 @@ class Kernel:
     threads at a time; they are valid as long as the kernel lives.
     """
 
-    def __init__(self, f: ca.Function):
+    def __init__(self, f: ca.Function, rows: Callable[[], ca.Function] | None = None):
         self.inputs, self.outputs = signature(f)
-        self._function = f
+        self._function, self._by_rows = f, rows
         self.name: str = f.name()
         self.n_in = sum(size for _, size in self.inputs)
         self.n_out = sum(size for _, size in self.outputs)
@@ -104,11 +105,12 @@ class Kernel:
         return f"Kernel {self.name}: ({names[0]}) -> ({names[1]}), {self.operations} operations"
 
     def __reduce__(self):
-        return _restored, (self._function, self._last)
+        return _restored, (self._function, self._rows, self._last)
 
     @cached_property
     def address(self) -> int:
-        return self._module("one").addresses["one"]
+        (address,) = self._module("one").addresses.values()
+        return address
 
     @cached_property
     def batch_address(self) -> int:
@@ -199,15 +201,25 @@ class Kernel:
         return _ONE(self.address)
 
     @cached_property
-    def _rows(self) -> Callable[..., None]:
+    def _stored(self) -> Callable[..., None]:
         return _ROWS(self.rows_address)
 
     def _module(self, kind: Kind) -> Module:
         """Return the code of one kind; the first to ask waits for it."""
         with self._lock:
             if kind not in self._modules:
-                self._modules[kind] = load(self._function, lambda: self._program, kind)
+                rows = self._rows if kind == "one" else None
+                self._modules[kind] = (
+                    load(self._function, lambda: self._program, kind)
+                    if rows is None
+                    else load(rows, lambda: simplify(trace(rows)), "by_rows")
+                )
             return self._modules[kind]
+
+    @cached_property
+    def _rows(self) -> ca.Function | None:
+        """The gradient that code for one state is made of, if it is."""
+        return self._by_rows() if self._by_rows else None
 
     def _any_modules(self) -> list[Module]:
         """Return the code that there is, or that for one state where there is none."""
@@ -228,7 +240,7 @@ class Kernel:
 
         def evaluate(first: int, count: int) -> None:
             """Evaluate some of the states, by buffers of the thread that does so."""
-            self._rows(
+            self._stored(
                 count,
                 _addresses(rows, strides, first),
                 (ctypes.c_int64 * len(rows))(*strides),
@@ -268,8 +280,8 @@ class Kernel:
             ) from None
 
 
-def _restored(f: ca.Function, last: NDArray[np.float64] | None) -> Kernel:
-    kernel = compile_function(f)
+def _restored(f: ca.Function, rows: ca.Function | None, last: NDArray[np.float64] | None) -> Kernel:
+    kernel = compile_function(f, None if rows is None else lambda: rows)
     return kernel if last is None else kernel.given(last)
 
 

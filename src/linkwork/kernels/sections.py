@@ -76,8 +76,11 @@ class SectionPlan:
         return self.kept[k]
 
 
-def planned(program: Program, angles_in_vector: int) -> SectionPlan:
-    """Cut a program into sections; a vector holds so many angles of one state."""
+def planned(program: Program, angles_in_vector: int, recurring: bool = True) -> SectionPlan:
+    """Cut a program into sections; a vector holds so many angles of one state.
+
+    recurring: whether what recurs in a large program is a part
+    """
     # Results by place. A large program is cut further, into stretches.
     nodes = program.nodes
     large = len(nodes) > LARGE
@@ -88,9 +91,11 @@ def planned(program: Program, angles_in_vector: int) -> SectionPlan:
 
     def pieces(positions: Iterable[int]) -> list[Section]:
         computed = [k for k in positions if nodes[k].op not in FETCHED or k in places]
-        return (
-            list(_pieces(nodes, computed, places, ranks)) if large else [Section(tuple(computed))]
-        )
+        if not large:
+            return [Section(tuple(computed))]
+        if not recurring:
+            return [*map(Section, _stretches(computed, ranks))]
+        return list(_pieces(nodes, computed, places, ranks))
 
     # In a large program the operations of a stretch do not stand in their order yet.
     order = by_stretches(range(len(nodes)), chain_lengths(nodes)) if large else []

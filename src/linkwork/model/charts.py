@@ -97,12 +97,13 @@ class CompiledChart:
             name, lambda equations: self._stored(name, lambda: make(equations))
         ).given(self.p)
 
-    def compiled(self, key: str, make: Callable[[Equations], ca.Function]) -> Kernel:
+    def compiled(self, key: str, make: Callable[[Equations], ca.Function | Kernel]) -> Kernel:
         """Return the kernel of a function of these equations, kept under a key for all charts that
         share kernels."""
         with BUILDING:
             if key not in self._kernels:
-                self._kernels[key] = compile_function(make(self.equations))
+                made = make(self.equations)
+                self._kernels[key] = made if isinstance(made, Kernel) else compile_function(made)
             return self._kernels[key]
 
     def single(self, name: str) -> Kernel | BoundFunction:
