@@ -166,8 +166,8 @@ class RunLink:
 class Steps(RunLink):
     """Steps under the same held inputs.
 
-    kernels, sizes: as the sweeps take them; p, plan, signal: parameters, the method's table, and
-    that of the inputs; t (K,), y (K, n): where steps end; held (nh)
+    kernels, sizes: as the sweeps take them; p, plan, plan_apart, signal: parameters, the method's
+    tables, and that of the inputs; t (K,), y (K, n): where steps end; held (nh)
     rows, at_rows: of samples at ends of steps, with their numbers; places, times, numbers: of
         samples within steps, in order
     """
@@ -176,6 +176,7 @@ class Steps(RunLink):
     sizes: StateSizes
     p: np.ndarray
     plan: np.ndarray
+    plan_apart: np.ndarray
     signal: np.ndarray
     t: np.ndarray
     y: np.ndarray
@@ -188,8 +189,8 @@ class Steps(RunLink):
 
     @property
     def _given(self) -> tuple[Any, ...]:
-        head = tuple(self.kernels), tuple(self.sizes), self.p, self.plan, self.signal
-        return (*head, self.t, self.y, self.held, self.places, self.times)
+        head = tuple(self.kernels), tuple(self.sizes), self.p, self.plan, self.plan_apart
+        return (*head, self.signal, self.t, self.y, self.held, self.places, self.times)
 
     def along(self, changes: Changes) -> None:
         count, n = changes.y.shape

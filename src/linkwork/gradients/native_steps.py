@@ -4,6 +4,7 @@ An explicit step from y(t), its stages and its new state, closed by Newton steps
 
     x_i = y + h sum_(j<i) a_ij k_j,  k_i = f(x_i, u(t + c_i h), p),   new = G(... G(x_s))
 
+Where a method steps q in its own way, weights a of q are others (`weighed`).
 Names are those of `linkwork.simulation.native_parts`; kernels are called by their addresses:
 
     motion   in = (y, u, p)             out = (y', pivot)
@@ -40,6 +41,7 @@ class StateSizes(NamedTuple):
 
     n: of y; nq: of q; signals: of u over time; held: of u by a sampled controller; parameters: p;
     own: those of p that the closure takes, the first ones; tolerance: of the closure's residual
+    apart: those of y that have other weights, the first ones: nq, or 0 where all have the same
     """
 
     n: int
@@ -49,6 +51,7 @@ class StateSizes(NamedTuple):
     parameters: int
     own: int
     tolerance: float
+    apart: int
 
 
 class StepBench(NamedTuple):
@@ -58,7 +61,8 @@ class StepBench(NamedTuple):
     `width` apart; y: the state at the start, padded; times, pieces: of the rows, the pieces being
     those of the signals; held: inputs; z, z_sample: the Newton steps of the new state and of a
     sample, `z_width` apart, each q, p and a seed; z_next: what the closure gives; powers, weights,
-    sample: of the dense output; zeros: as many as a state or weights have
+    sample: of the dense output; zeros: as many as a state or weights have; others, other_weights: a
+    and dense output of the first numbers of a state, so many as stand apart
     """
 
     x: Any
@@ -74,9 +78,12 @@ class StepBench(NamedTuple):
     weights: Any
     sample: Any
     zeros: Any
+    others: Any
+    other_weights: Any
     x_width: int
     width: int
     z_width: int
+    apart: int
 
 
 @njit(**OPTIONS)
@@ -87,13 +94,14 @@ def bench_size(sizes, method):
     z_width = padded(2 * (sizes.nq + sizes.own) + 1)
     stages = method.stages
     rows = (stages + 1) * (x_width + width) + 2 * (NEWTON_CALLS + 1) * z_width
-    lists = 3 * (stages + 4) + method.degree + sizes.held
+    lists = 4 * (stages + 4) + method.degree + sizes.held
     return rows + lists + z_width + 3 * max(width, padded(stages)) + 4 * 16
 
 
 @njit(**OPTIONS)
-def bench_at(memory, sizes, method):
-    """Return a `StepBench` in zeros at a pointer."""
+def bench_at(memory, sizes, method, other):
+    """Return a `StepBench` in zeros at a pointer; other: the method as it steps what stands
+    apart."""
     given = sizes.n + sizes.signals + sizes.held + sizes.parameters
     x_width, width = padded(2 * given + 1), padded(sizes.n + 1)
     z_width = padded(2 * (sizes.nq + sizes.own) + 1)
@@ -107,13 +115,14 @@ def bench_at(memory, sizes, method):
     sample = z_next + z_width
     zeros = sample + width
     weights = zeros + max(width, padded(stages))
-    times = weights + padded(stages)
+    other_weights = weights + padded(stages)
+    times = other_weights + padded(stages)
     pieces = times + padded(stages)
     powers = pieces + padded(stages)
     held = powers + padded(method.degree)
     return StepBench(
         x, k, y, times, pieces, held, z, z_sample, z_next, powers, weights, sample, zeros,
-        x_width, width, z_width,
+        other, other_weights, x_width, width, z_width, sizes.apart,
     )  # fmt: skip
 
 
@@ -129,6 +138,14 @@ def furnish_bench(bench, sizes, method, p):
 
 
 @njit(**OPTIONS)
+def weighed(bench, weights, others, count, h, y, k, width, n, out):
+    """Compute out = y + h sum_(j < count) weights_j k_j, by others of what stands apart."""
+    combine(weights, count, h, y, k, width, n, out)
+    if bench.apart > 0:
+        combine(others, count, h, y, k, width, bench.apart, out)
+
+
+@njit(**OPTIONS)
 def remake(bench, kernels, sizes, method, inputs, t, h, first, last):
     """Evaluate the rows from first to last, of the step from bench.y at t."""
     n, stages, width = sizes.n, method.stages, bench.width
@@ -136,9 +153,12 @@ def remake(bench, kernels, sizes, method, inputs, t, h, first, last):
     for i in range(first, last):
         x, k = bench.x + i * bench.x_width, bench.k + i * width
         if i != method.solution:
-            combine(method.a + i * stages, i, h, bench.y, bench.k, width, n, x)
+            own = i * stages
+            weighed(
+                bench, method.a + own, bench.others.a + own, i, h, bench.y, bench.k, width, n, x
+            )
         bench.times[i] = t + method.c[i] * h
-        piece = force(inputs, bench.times[i], i > 0, piece, x + n)
+        piece = force(inputs, bench.times[i], method.c[i] > 0, piece, x + n)
         bench.pieces[i] = piece
         copy(bench.held, x + n + sizes.signals, sizes.held)
         call(kernels.motion, x, k)
@@ -173,9 +193,12 @@ def close(bench, kernels, sizes, z, state):
 @njit(**OPTIONS)
 def new_state(bench, kernels, sizes, method, h):
     """Leave the new state, closed, in the row of the solution; return its Newton steps."""
-    row = method.solution
+    row, own = method.solution, method.solution * method.stages
     x = bench.x + row * bench.x_width
-    combine(method.a + row * method.stages, row, h, bench.y, bench.k, bench.width, sizes.n, x)
+    weighed(
+        bench, method.a + own, bench.others.a + own, row, h, bench.y, bench.k, bench.width,
+        sizes.n, x,
+    )  # fmt: skip
     return close(bench, kernels, sizes, bench.z, x)
 
 
@@ -191,7 +214,15 @@ def within(bench, kernels, sizes, method, h, theta):
         bench.powers, method.degree, 1.0, bench.zeros, method.dense, padded(stages), stages,
         bench.weights,
     )  # fmt: skip
-    combine(bench.weights, stages, h, bench.y, bench.k, bench.width, sizes.n, bench.sample)
+    if bench.apart > 0:
+        combine(
+            bench.powers, method.degree, 1.0, bench.zeros, bench.others.dense, padded(stages),
+            stages, bench.other_weights,
+        )  # fmt: skip
+    weighed(
+        bench, bench.weights, bench.other_weights, stages, h, bench.y, bench.k, bench.width,
+        sizes.n, bench.sample,
+    )  # fmt: skip
     return close(bench, kernels, sizes, bench.z_sample, bench.sample)
 
 

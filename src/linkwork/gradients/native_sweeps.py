@@ -22,6 +22,7 @@ from linkwork.gradients.native_steps import (
     furnish_bench,
     new_state,
     remake,
+    weighed,
     within,
 )
 from linkwork.simulation.compiled import OPTIONS, compiled_once
@@ -81,9 +82,11 @@ def step_along(bench, kernels, sizes, method, inputs, h, steps, dense, signals, 
     new = dk + stages * width
     for i in range(solution):
         seed = bench.x + i * bench.x_width + given
-        combine(method.a + i * stages, i, h, dy, dk, width, n, seed)
+        own = i * stages
+        weighed(bench, method.a + own, bench.others.a + own, i, h, dy, dk, width, n, seed)
         row_along(bench, kernels, sizes, method, inputs, i, signals, held, dp, dk)
-    combine(method.a + solution * stages, solution, h, dy, dk, width, n, new)
+    own = solution * stages
+    weighed(bench, method.a + own, bench.others.a + own, solution, h, dy, dk, width, n, new)
     closed_along(bench, kernels, sizes, bench.z, steps, new, dp)
     if dense:
         for i in range(solution, stages):
@@ -98,19 +101,21 @@ def step_along(bench, kernels, sizes, method, inputs, h, steps, dense, signals, 
 @compiled_once(
     "the tangents of runs",
     (
-        *(flat(DerivativeKernels), flat(StateSizes), _list, _list, _list, _list, _table, _list),
+        *(flat(DerivativeKernels), flat(StateSizes), _list, _list, _list, _list, _list),
+        *(_table, _list),
         *(_list, _list, _table, _cube, _table, _open_table, _open_cube, _open_cube),
     ),
 )
 def tangent(
-    kernels, sizes, p, plan, signal, t, y, held, places, times, d_p, d_signal, d_held, dy, rows,
-    samples,
+    kernels, sizes, p, plan, plan_apart, signal, t, y, held, places, times, d_p, d_signal, d_held,
+    dy, rows, samples,
 ):  # fmt: skip
     """Lead D tangents along the K - 1 steps between K states.
 
     Args:
         kernels, sizes: as of `DerivativeKernels`, `StateSizes`.
-        p, plan, signal: parameters; the method's `StepPlan.table`; `Signal.table`.
+        p, plan, plan_apart, signal: parameters; the method's `StepPlan.table`, and that of the
+            numbers that stand apart; `Signal.table`.
         t, y: times (K,) and states (K, n) at which steps end; held: inputs (nh,).
         places, times: of samples (S,), in order: the number of the step that each is in, from 0
             on, and its time.
@@ -123,7 +128,7 @@ def tangent(
     n, width, directions = sizes.n, padded(sizes.n + 1), dy.shape[0]
     each, own_size = (method.stages + 1) * width, bench_size(sizes, method)
     memory = np.zeros(own_size + directions * (each + width) + width)
-    bench = bench_at(pointer(memory), sizes, method)
+    bench = bench_at(pointer(memory), sizes, method, method_of(pointer(plan_apart)))
     furnish_bench(bench, sizes, method, pointer(p))
     copy(pointer(held), bench.held, sizes.held)
     # Of each direction dy at the start of a step, padded, and its dk; a change within the step.
@@ -149,7 +154,10 @@ def tangent(
             newton = within(bench, kernels, sizes, method, h, (times[place] - t[i]) / h)
             for d in range(directions):
                 own, dk = start + d * width, slopes + d * each
-                combine(bench.weights, method.stages, h, own, dk, width, n, inner)
+                weighed(
+                    bench, bench.weights, bench.other_weights, method.stages, h, own, dk, width, n,
+                    inner,
+                )  # fmt: skip
                 dp = pointer(d_p) + d * sizes.parameters
                 closed_along(bench, kernels, sizes, bench.z_sample, newton, inner, dp)
                 copy(inner, pointer(samples) + (place * directions + d) * n, n)
@@ -188,14 +196,15 @@ def row_against(bench, kernels, sizes, inputs, i, bars, b_width, signal_bar, hel
 @compiled_once(
     "the adjoints of runs",
     (
-        *(flat(DerivativeKernels), flat(StateSizes), _list, _list, _list, _list, _table, _list),
+        *(flat(DerivativeKernels), flat(StateSizes), _list, _list, _list, _list, _list),
+        *(_table, _list),
         *(_list, _list, _table, _table, types.float64),
         *(_open_list, _open_list, _open_list, _open_list),
     ),
 )
 def adjoint(
-    kernels, sizes, p, plan, signal, t, y, held, places, times, row_bars, sample_bars, weight, bar,
-    p_bar, signal_bar, held_bar,
+    kernels, sizes, p, plan, plan_apart, signal, t, y, held, places, times, row_bars, sample_bars,
+    weight, bar, p_bar, signal_bar, held_bar,
 ):  # fmt: skip
     """Lead an adjoint back along the K - 1 steps between K states; return the integral of the cost.
 
@@ -215,8 +224,8 @@ def adjoint(
     given = n + sizes.signals + sizes.held + sizes.parameters
     b_width, width, integral = padded(given + 1), padded(n + 1), 0.0
     own_size, square = bench_size(sizes, method), padded(stages * stages + stages)
-    memory = np.zeros(own_size + (stages + 2) * (b_width + width) + width + square + 1)
-    bench = bench_at(pointer(memory), sizes, method)
+    memory = np.zeros(own_size + (stages + 2) * (b_width + width) + width + 2 * square + 1)
+    bench = bench_at(pointer(memory), sizes, method, method_of(pointer(plan_apart)))
     furnish_bench(bench, sizes, method, pointer(p))
     copy(pointer(held), bench.held, sizes.held)
     # What rows contribute, by rows; what samples add to slopes and start; a transposed; the cost.
@@ -224,10 +233,12 @@ def adjoint(
     base = bars + (stages + 2) * b_width
     before = base + (stages + 2) * width
     a = before + width
-    cost = a + square
+    others = a + square
+    cost = others + square
     for i in range(stages):
         for j in range(stages):
             a[j * stages + i] = method.a[i * stages + j]
+            others[j * stages + i] = bench.others.a[i * stages + j]
     own, place = pointer(bar), places.size - 1
     signals, held_out, p_out = pointer(signal_bar), pointer(held_bar), pointer(p_bar)
     for m in range(n):
@@ -252,12 +263,14 @@ def adjoint(
                     before[m] += bench.sample[m]
                 for j in range(stages):
                     for m in range(n):
-                        base[j * width + m] += h * bench.weights[j] * bench.sample[m]
+                        weights = bench.other_weights if m < sizes.apart else bench.weights
+                        base[j * width + m] += h * weights[j] * bench.sample[m]
                 place -= 1
             for j in range(stages - 1, solution - 1, -1):
                 seed = bench.x + j * bench.x_width + given
-                combine(
-                    a + (j * stages + j + 1), stages - 1 - j, h, base + j * width,
+                later = j * stages + j + 1
+                weighed(
+                    bench, a + later, others + later, stages - 1 - j, h, base + j * width,
                     bars + (j + 1) * b_width, b_width, n, seed,
                 )  # fmt: skip
                 seed[n] = 0.0
@@ -276,8 +289,9 @@ def adjoint(
             before[m] += own[m]
         for j in range(solution - 1, -1, -1):
             seed = bench.x + j * bench.x_width + given
-            combine(
-                a + (j * stages + j + 1), last - j, h, base + j * width,
+            later = j * stages + j + 1
+            weighed(
+                bench, a + later, others + later, last - j, h, base + j * width,
                 bars + (j + 1) * b_width, b_width, n, seed,
             )  # fmt: skip
             if kernels.cost != 0:

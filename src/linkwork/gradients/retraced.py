@@ -7,7 +7,7 @@ steps. What cannot be differentiated is refused by name.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
 from typing import NamedTuple
@@ -234,6 +234,7 @@ class OfSegment:
             parameters=p.size,
             own=len(equations.parameters),
             tolerance=CLOSURE * self.whole.robot.size,
+            apart=equations.nq if self.segment.method == SymplecticEuler.name else 0,
         )
 
     def links(self) -> Iterator[RunLink]:
@@ -290,11 +291,13 @@ class OfSegment:
         times, numbers = self.read_at[inner], self.read[inner]
         rows = np.searchsorted(t, times)
         ends = t[rows] == times
+        plan, apart = plans_of(self.segment.method)
         return Steps(
             run_kernels.addresses(self.whole.acting, self.chart, self.whole.cost),
             self.sizes,
             self.system.p(self.chart),
-            plan_of(self.segment.method).table,
+            plan.table,
+            apart.table,
             self.system.inputs.table,
             t,
             self.y[a : b + 1],
@@ -410,19 +413,39 @@ def rates_jacobian(chart: CompiledChart, q: np.ndarray, v: np.ndarray) -> np.nda
     return kernel.flat(q, v, chart.p).reshape(chart.equations.nv, -1)
 
 
+def symplectic(of_rates: Sequence[int], of_q: Sequence[int]) -> tuple[StepPlan, StepPlan]:
+    """Return symplectic steps by two slopes, the second one at the new rates: which of them moves
+    the rates, and which q."""
+    plans = (
+        replace(
+            SymplecticEuler.plan,
+            a=np.array([[0.0] * 3, second, moved]),
+            c=np.zeros(3),
+            e=np.empty((0, 3)),
+            dense=np.array([[*moved, 0.0]]),
+            solution=2,
+        )
+        for second, moved in ((of_rates, of_rates), ([0] * 3, of_q))
+    )
+    return next(plans), next(plans)
+
+
 @cache
-def plan_of(method: str) -> StepPlan:
-    """Return the method of this name as loops take it; refuse one that is not differentiated."""
+def plans_of(method: str) -> tuple[StepPlan, StepPlan]:
+    """Return the method of this name as loops take it, and as it steps what stands apart; refuse
+    one that is not differentiated."""
+    if method == SymplecticEuler.name:
+        return symplectic(of_rates=[1, 0, 0], of_q=[0, 1, 0])
     for entry in METHODS.values():
         if issubclass(entry.kind, FixedStep):
-            if entry.kind.name == method and entry.kind is not SymplecticEuler:
-                return entry.kind.plan
+            if entry.kind.name == method:
+                return entry.kind.plan, entry.kind.plan
         elif issubclass(entry.kind, Tableau) and (made := entry.make()).name == method:
             assert isinstance(made, Tableau)
-            return made.plan
+            return made.plan, made.plan
     raise LinkworkError(
         f"steps of {method} are not differentiated; give the run another method: 'sharp_smart', "
-        "'dormand_prince', 'dop853', or 'rk4' with a step"
+        "'dormand_prince', 'dop853', or 'rk4' or 'symplectic_euler' with a step"
     )
 
 
@@ -497,4 +520,4 @@ def require_differentiable(record: RunRecord) -> None:
                 f"the run stepped over a singular pose by t = {segment.trajectory.end_time:.9g} s, "
                 "where it has no derivative; differentiate a run that ends before it"
             )
-        plan_of(segment.method)
+        plans_of(segment.method)
