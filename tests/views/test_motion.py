@@ -86,6 +86,16 @@ def test_phase_portraits_hold_energy(swing):
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("position [rad]", "rate [rad/s]")
 
 
+def test_a_phase_portrait_of_few_steps_is_drawn_between_them():
+    arm = built("pendulum")
+    run = arm.simulate(arm.home, duration=2.0)
+    angle, rate = plot_phase(run).axes[0].lines[0].get_data()
+    energy = rate**2 / 2 + 9.81 * np.sin(angle)
+    assert len(run.time) < 100 < 500 < len(angle)
+    np.testing.assert_allclose(energy, energy[0], atol=1e-6)
+    assert angle[-1] == run["joint_position"][-1, 0]
+
+
 def test_phase_portraits_of_several_runs_and_of_named_coordinates(run):
     figure = plot_phase([run, run], ["slide_2", "wrist_1"])
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["slide_2", "wrist_1"]

@@ -200,7 +200,7 @@ class Panels:
         replay, name = self.session.replay, str(self.quantity.value)
         if replay is None or replay.empty or name == NONE:
             return
-        self.traces = found = traces(replay.run, name, tuple(self.sliders))
+        self.traces = found = traces(replay.run.smooth, name, tuple(self.sliders))
         curves = [
             uplot.Series(
                 label=label,

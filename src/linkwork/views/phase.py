@@ -22,6 +22,8 @@ COLUMNS, SIDE = 3, 3.3  # panels in a row, and their width [in]
 def plot_phase(runs: Run | Sequence[Run], coordinates: str | Sequence[str] | None = None) -> Figure:
     """Draw rates over joint coordinates: the ring is where a curve begins, the dot where it ends.
 
+    A run that saved each of few steps is drawn between them, too (`Run.smooth`).
+
     Args:
         runs: one run, or several of robots with the same joints.
         coordinates: names of joint coordinates that have a rate of the same name (not of the
@@ -43,7 +45,7 @@ def plot_phase(runs: Run | Sequence[Run], coordinates: str | Sequence[str] | Non
         raise LinkworkError(
             "no coordinate is named; name some of " + ", ".join(portrayed(given[0]))
         )
-    curves = [[(curve(run, name), unit(run, name)) for name in wanted] for run in given]
+    curves = [[curve(run.smooth, name) for name in wanted] for run in given]
     columns = min(len(wanted), COLUMNS)
     rows = -(-len(wanted) // columns)
     with styled():
@@ -54,7 +56,7 @@ def plot_phase(runs: Run | Sequence[Run], coordinates: str | Sequence[str] | Non
             axes.set(title=name, xlabel=f"position [{symbol}]", ylabel=f"rate [{symbol}/s]")
         for index, of_run in enumerate(curves):
             colour, name = look(index), f"run {index + 1}"
-            for axes, (points, _) in zip(grid.flat, of_run, strict=False):
+            for axes, points in zip(grid.flat, of_run, strict=False):
                 axes.plot(*points, label=name, **colour)
                 axes.plot(*points[:, :1], "o", mfc="white", mec=colour["color"], ms=5.5, zorder=3)
                 axes.plot(*points[:, -1:], "o", color=colour["color"], ms=5.5, zorder=3)
