@@ -18,7 +18,7 @@ CORE = ("mechanism", "equations", "kernels", "simulation", "model", "runs", "rob
 WINGS = {
     # What a description may hold, and how it is written.
     "files of mechanisms": ("document", "files", "json_schema"),
-    "free numbers": ("numbers", "parameter_units", "parameters", "places"),
+    "free numbers": ("number_patterns", "numbers", "parameter_units", "parameters", "places"),
     "named quantities": ("formulas", "mechanism/quantities"),
     "shapes, payloads": ("density", "payload", "shapes"),
     "further joints": ("cylindrical", "gears", "planar", "rod", "screw", "universal"),

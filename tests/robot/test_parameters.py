@@ -326,3 +326,17 @@ def test_the_refusal_of_what_is_no_number_names_the_quantities():
     mechanism = lw.robots.pendulum().with_quantities({"rod": 0.3, "lean": 0.1}, {})
     with pytest.raises(lw.LinkworkError, match=r"mean rod.*: it is none of .*quantities rod, lean"):
         lw.Robot(mechanism).free("rood")
+
+
+def test_patterns_free_all_numbers_that_they_match():
+    """As the same paths do one by one; those that are free already stay where they are."""
+    robot = lw.Robot("prr3").free("platform.mass")
+    free = robot.free("*.mass", "bodies.link_?.mass")
+    masses = [f"{name}.mass" for name in robot.bodies]
+    assert [*free.parameters] == [
+        "platform.mass",
+        *sorted({*masses} - {"platform.mass"}, key=masses.index),
+    ]
+    assert free.parameters == lw.Robot("prr3").free(*free.parameters).parameters
+    with pytest.raises(lw.LinkworkError, match="'link_9.*' matches no number that can be free"):
+        robot.free("link_9.*")

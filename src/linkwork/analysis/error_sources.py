@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from linkwork import checks
-from linkwork.analysis.number_patterns import can_be_free, paths_of
+from linkwork.mechanism.number_patterns import can_be_free, paths_of
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.numbers import Where, located

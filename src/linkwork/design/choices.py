@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork import checks
-from linkwork.analysis.number_patterns import paths_of
+from linkwork.mechanism.number_patterns import paths_of
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import located
 from linkwork.robot import Robot

@@ -126,16 +126,21 @@ class Robot(Simulated, Portrayed):
             paths: of numbers, "body, joint, spring or tool" then fields as in a mechanism file:
                 "platform.mass", "link_1.com.x", "link_1.inertia.zz", "pivot_1.frames.0.position.y",
                 "pivot_1.friction.viscous", "ball.spring.turn.stiffness", "rod_1.length",
-                "gravity.z" ... (`linkwork.mechanism.numbers`).
+                "gravity.z" ... (`linkwork.mechanism.numbers`); patterns such as "rod_*.length"
+                stand for all numbers that they match and that can be free.
 
         Returns:
             A robot whose `parameters` hold the values; numbers that are free already stay so.
 
         Raises:
             MechanismError: a path that leads to no number, or to one that cannot be free
-                (directions, limits).
+                (directions, limits); a pattern that matches none.
         """
-        return Robot(self.mechanism, self.independent, (*self.parameters, *paths))
+        from linkwork.mechanism.number_patterns import freed
+
+        return Robot(
+            self.mechanism, self.independent, freed(self.mechanism, (*self.parameters,), paths)
+        )
 
     def with_parameters(self, values: Mapping[str, float]) -> Robot:
         """Return the robot with other values of free numbers; nothing is derived or compiled anew.

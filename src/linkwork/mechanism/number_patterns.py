@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
 from typing import Any
 
 from linkwork.errors import LinkworkError
-from linkwork.mechanism import Mechanism
+from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.numbers import SECTIONS, Where, contents, free_numbers, located
 
 WILD = "*?["
@@ -20,8 +20,25 @@ def paths_of(mechanism: Mechanism, path: object) -> list[str]:
     Raises:
         LinkworkError: a pattern that matches no number which can be free.
     """
-    wild = isinstance(path, str) and any(letter in path for letter in WILD)
-    return matching(mechanism, path) if wild else [path]  # pyright: ignore
+    return matching(mechanism, path) if is_pattern(path) else [path]  # pyright: ignore
+
+
+def is_pattern(path: object) -> bool:
+    """Tell whether a path stands for several."""
+    return isinstance(path, str) and any(letter in path for letter in WILD)
+
+
+def freed(mechanism: Mechanism, free: Sequence[str], paths: Sequence[str]) -> tuple[str, ...]:
+    """Return the paths of numbers that are free and of those that are to be, each once where a
+    pattern matches it."""
+    found = [*free]
+    for path in paths:
+        own = paths_of(mechanism, path)
+        if is_pattern(path):
+            taken = {located(mechanism, each)[0] for each in found}
+            own = [each for each in own if located(mechanism, each)[0] not in taken]
+        found += own
+    return tuple(found)
 
 
 def matching(mechanism: Mechanism, pattern: str) -> list[str]:
