@@ -1,6 +1,8 @@
 """`linkwork analyse`: what it prints is what the library finds, in 80 columns; files; refusals in
 one sentence."""
 
+import json
+
 import numpy as np
 import pytest
 import xarray
@@ -127,3 +129,30 @@ def test_parameters_described_and_identified(tmp_path):
 )
 def test_refusals_are_one_sentence(words, told):
     assert told in refused("analyse", *words)
+
+
+def test_numbers_are_found_from_a_table_and_written(tmp_path):
+    """Poses of a robot whose pivot is off are told by a table; the description is put right."""
+    name, off = "pivot_2.frames.0.position.x", 1.0005
+    real = lw.Robot("rpr3").free(name).with_parameters({name: off})
+    random = np.random.default_rng(2)
+    goals = real.tool_pose(real.home) + random.uniform(-0.1, 0.1, (6, 3))
+    lines = ["angle,slide_3,x,y,slide_1,slide_2"]
+    for pose in goals:
+        state = real.assemble(tool=pose)
+        row = (pose[2], state["slide_3"], pose[0], pose[1], state["slide_1"], state["slide_2"])
+        lines.append(",".join(repr(float(x)) for x in row))
+    file, out = tmp_path / "poses.csv", tmp_path / "found.yaml"
+    file.write_text("\n".join(lines))
+    words = ("rpr3", "calibrate", "--poses", file, "--free", "pivot_2.frames.0.position.[xy]")
+    text = printed(*words, "--position", "1e-5", "--rotation", "1e-4", "--out", out)
+    assert "1.0005" in text and "of 16 degrees of freedom" in text
+    assert lw.Mechanism.load(out).joints["pivot_2"].frames[0].position[0] == pytest.approx(off)
+    told = call("analyse", *words, "--json")
+    assert json.loads(told.stdout)["values"][name] == pytest.approx(off)
+    # Columns that do not make poses, lines that have none, files that exist.
+    assert "found.yaml exists" in refused("analyse", *words, "--out", out)
+    file.write_text("\n".join(line.split(",", 1)[1] for line in lines))
+    assert "has x, y of the tool's pose; give x, y, angle" in refused("analyse", *words)
+    file.write_text("\n".join([*lines, lines[-1].replace(",", ",9", 1)]))
+    assert "poses.csv, line 8: " in refused("analyse", *words)

@@ -3,6 +3,7 @@ it; what cannot be seen is named; the chosen poses are the best ones."""
 
 from __future__ import annotations
 
+import contextlib
 from itertools import combinations
 
 import numpy as np
@@ -13,7 +14,8 @@ from scipy.stats import chi2
 import linkwork as lw
 from linkwork import analysis
 from linkwork.analysis._observability import echelon, volume
-from linkwork.analysis.measured_poses import model_of, readings_of, turning
+from linkwork.analysis.measured_poses import PoseModel, model_of, readings_of, turning
+from linkwork.errors import ModelWarning
 
 from tests.equations.evaluation import close
 
@@ -274,6 +276,13 @@ def test_reduced_combinations_span_what_was_given():
 
 
 REFUSALS = {
+    "what nothing tells of": (
+        lambda r, s: (
+            lw.Robot("rpr3").free("gravity.y"),
+            analysis.MeasuredPoses(s, np.zeros((25, 3))),
+        ),
+        "tells nothing of the free numbers; free others",
+    ),
     "nothing free": (
         lambda r, s: (lw.Robot("rpr3"), analysis.MeasuredPoses(s, np.zeros((25, 3)))),
         "no number of this robot is free",
@@ -346,3 +355,20 @@ def test_deviations_where_nothing_remains_are_zero_or_infinite(rpr):
     )
     assert found.chi_square == 0 and np.isinf(found.deviations).any()
     assert not np.isnan(found.deviations).any()
+
+
+def test_what_looks_like_other_units_is_warned_of(rpr):
+    robot, states = rpr
+    pose = robot.tool_pose(states)
+    for scale, sentence in (((1e3, 1e3, 1.0), "in millimetres"), ((1.0, 1.0, 1e3), "in degrees")):
+        with pytest.warns(ModelWarning, match=sentence), contextlib.suppress(lw.LinkworkError):
+            analysis.calibrate(robot, analysis.MeasuredPoses(states, pose * scale))
+
+
+def test_functions_are_compiled_once_for_a_robot_and_its_copies(rpr, monkeypatch):
+    robot, states = rpr
+    analysis.calibrate(robot, analysis.MeasuredPoses(states, robot.tool_pose(states)))
+    monkeypatch.setattr(PoseModel, "_function", None)
+    other = robot.with_parameters({"pivot_1.frames.0.position.x": 1e-12})
+    found = analysis.calibrate(other, analysis.MeasuredPoses(states, robot.tool_pose(states)))
+    np.testing.assert_allclose(found.remains, 0, atol=1e-9)

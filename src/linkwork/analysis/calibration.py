@@ -15,6 +15,7 @@ identification); Marquardt 1963; Borm & Menq 1991 (observability).
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,14 +30,17 @@ from linkwork.analysis.measured_poses import (
     spatial,
 )
 from linkwork.checks import amount, finite, shown
-from linkwork.errors import LinkworkError
+from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.parameter_units import with_unit
 from linkwork.patience import announced
 from linkwork.robot import Robot
 
 TOLERANCE = 1e-15
+OTHER_UNIT = 100.0  # times as far apart as the tool's positions, from which on a unit is off
+TURNS = 4 * np.pi  # from where on rotations are hardly radians
 TOO_FAR = 1e3  # of what remains, over the least noise, where loops do not close
+ROUNDED = 1e-9  # of the robot's length, which is no distance between poses
 SHOWN, WIDE = 16, 88
 
 
@@ -129,6 +133,9 @@ def calibrate(robot: Robot, measured: MeasuredPoses) -> Calibration:
         LinkworkError: nothing free or nothing measured, measured values that are not finite or do
             not fit the samples, fewer of them than combinations that are seen; singular poses;
             numbers that open loops which no joint closes; samples at which the loops do not close.
+
+    Warns:
+        ModelWarning: positions that look like millimetres, rotations that look like degrees.
     """
     from scipy.optimize import least_squares
 
@@ -148,11 +155,15 @@ def calibrate(robot: Robot, measured: MeasuredPoses) -> Calibration:
         measured.encoders,
     )
     target = None if tool is None else spatial(robot, tool)
+    if target is not None:
+        warn_of_units(robot, target, model.evaluated(q, robot.p)["x"][:, :3, 0])
     fit = Fit(model, readings, target, joints, q)
     # The combinations that are seen from where it begins.
     first = observed(robot, fit.slopes(robot.p), len(q), measured.weighed)
     count = q.shape[0] * model.scales.size
-    if count < first.rank or not first.rank:
+    if not first.rank:
+        raise LinkworkError("what was measured tells nothing of the free numbers; free others")
+    if count < first.rank:
         raise LinkworkError(
             f"{amount(count, 'measured number')} do not tell {amount(first.rank, 'combination')} "
             "of the free numbers; measure more poses, or free others"
@@ -221,6 +232,26 @@ class Fit:
     def slopes(self, p: np.ndarray) -> np.ndarray:
         """Return the derivative of what is foretold by p, over the noise (N rows, np)."""
         return self.model.slopes(self.close(p), p, self.tool).reshape(-1, p.size)
+
+
+def warn_of_units(robot: Robot, tool: np.ndarray, foretold: np.ndarray) -> None:
+    """Warn where measured poses [rotation vector; position] (N, 6) can hardly be in metres and
+    radians, beside positions (N, 3) that are foretold."""
+    seen, own = (np.linalg.norm(x - x.mean(axis=0)) for x in (tool[:, 3:], foretold))
+    if own > ROUNDED * robot.equations.tree.length and seen > OTHER_UNIT * own:
+        warnings.warn(
+            f"the measured positions are {seen / own:.4g} times as far apart as those of the "
+            "tool; are they in millimetres? give metres",
+            ModelWarning,
+            stacklevel=4,
+        )
+    if np.abs(tool[:, :3]).max(initial=0.0) > TURNS:
+        warnings.warn(
+            f"measured rotations go up to {np.abs(tool[:, :3]).max():.4g}; are they in degrees? "
+            "give radians",
+            ModelWarning,
+            stacklevel=4,
+        )
 
 
 def values_of(

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from linkwork import checks
-from linkwork.mechanism.number_patterns import can_be_free, paths_of
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
+from linkwork.mechanism.number_patterns import can_be_free, paths_of
 from linkwork.mechanism.numbers import Where, located
 from linkwork.mechanism.parameter_units import unit_of_parameter
 from linkwork.robot import Robot

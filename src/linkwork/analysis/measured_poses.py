@@ -26,7 +26,7 @@ from linkwork.equations import body_motion, functions
 from linkwork.equations.algebra import SX
 from linkwork.equations.reference import unit
 from linkwork.errors import LinkworkError
-from linkwork.kernels import Kernel, compile_function
+from linkwork.kernels import Kernel
 from linkwork.robot import Robot, State
 
 STEPS = 30
@@ -80,10 +80,14 @@ class PoseModel:
     joints: tuple[str, ...]
     scales: np.ndarray
 
-    @cached_property
+    @property
     def kernel(self) -> Kernel:
         """(q, p) -> phi, a, z and the pose; their derivatives along the rates and by p; the map
         from the rates to q'."""
+        key = f"measured poses {', '.join(self.joints)}"
+        return self.robot.chart.compiled(key, lambda equations: self._function())
+
+    def _function(self) -> ca.Function:
         # The loops, the actuators and further joints.
         equations, robot = self.robot.equations, self.robot
         tree, p = equations.tree, equations.p
@@ -118,7 +122,7 @@ class PoseModel:
                 "J_x": body_motion.tool_twist(tree, tool, equations.rows.rates)[0],
                 "x_p": x_p,
             }
-        return compile_function(functions.function("measured_poses", equations, outputs))
+        return functions.function("measured_poses", equations, outputs)
 
     def evaluated(self, q: np.ndarray, p: np.ndarray) -> dict[str, np.ndarray]:
         """Return what the kernel gives at configurations (N, nq), matrices as such."""

@@ -221,3 +221,47 @@ def parameters(
     from linkwork.cli import studies
 
     studies.parameters(context.obj, effects, run, json)
+
+
+@analyse.command()
+def calibrate(
+    context: typer.Context,
+    poses: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE.csv",
+            help="A row for each sample: columns of the actuators' readings, of the tool's pose "
+            "(x,y,angle or x,y,z,rx,ry,rz, or x,y,z) and of further joints' encoders.",
+        ),
+    ],
+    free: Annotated[
+        str,
+        typer.Option(
+            metavar="PATHS",
+            help="Numbers to be found: 'rod_*.length,pivot_1.frames.0.position.x'.",
+        ),
+    ],
+    joints: Joints = None,
+    tool: ToolPose = None,
+    position: Annotated[
+        float | None, typer.Option(help="Deviation of measured positions [m].")
+    ] = None,
+    rotation: Annotated[
+        float | None, typer.Option(help="Deviation of measured rotations [rad].")
+    ] = None,
+    encoders: Annotated[
+        float | None, typer.Option(help="Deviation of further joints' readings [m, rad].")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.yaml", help="Write the description with what was found."),
+    ] = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
+) -> None:
+    """Find lengths, positions and directions from measured poses, on the branch of a configuration
+    (--joints or --tool; home if left out)."""
+    from linkwork.cli import calibration as command
+
+    measured = command.MeasuredTable(poses, free, position, rotation, encoders, out, overwrite)
+    command.calibrate(context.obj, joints, tool, measured, json)

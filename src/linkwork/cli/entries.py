@@ -99,28 +99,46 @@ def read_columns(path: Path, names: Sequence[str]) -> tuple[np.ndarray, np.ndarr
         LinkworkError: the file cannot be read, columns are missing, unknown or double, an entry is
             no number, a time does not increase; the line in the file is named.
     """
-    rows = list(_rows(path))
-    if not rows:
-        raise LinkworkError(
-            f"{path} is empty; its first line names the columns: {TIME},{','.join(names)}"
-        )
-    header = [title.strip() for title in rows[0][1]]
-    _check_header(path, header, names)
-    values = np.array([_entries(path, line, row, header) for line, row in rows[1:]]).reshape(
-        -1, len(header)
-    )
-    order = [header.index(name) for name in (TIME, *names)]
-    values = values[:, order]
+    lines, columns = read_table(path, (TIME, *names))
+    values = np.column_stack([columns[name] for name in (TIME, *names)])
     if len(values) < 2:
         raise LinkworkError(f"{path} holds {len(values)} rows of numbers; give at least two")
     late = np.flatnonzero(~(np.diff(values[:, 0]) > 0))
     if late.size:
         k = int(late[0]) + 1
         raise LinkworkError(
-            f"{path}, line {rows[k + 1][0]}: the time {values[k, 0]:g} s does not come after "
+            f"{path}, line {lines[k]}: the time {values[k, 0]:g} s does not come after "
             f"{values[k - 1, 0]:g} s in the row before; times must increase"
         )
     return values[:, 0], values[:, 1:]
+
+
+def read_table(
+    path: Path, needed: Sequence[str], further: Sequence[str] = ()
+) -> tuple[list[int], dict[str, np.ndarray]]:
+    """Read the columns of a CSV file by name: all of those needed, and those of further ones that
+    it has, in any order.
+
+    Lines that begin with # and empty lines are passed over.
+
+    Returns:
+        The number of each row's line, and columns (N,) by name.
+
+    Raises:
+        LinkworkError: the file cannot be read, columns are missing, unknown or double, an entry is
+            no number; the line in the file is named.
+    """
+    rows = list(_rows(path))
+    if not rows:
+        raise LinkworkError(
+            f"{path} is empty; its first line names the columns: {','.join(needed)}"
+        )
+    header = [title.strip() for title in rows[0][1]]
+    _check_header(path, header, needed, further)
+    values = np.array([_entries(path, line, row, header) for line, row in rows[1:]]).reshape(
+        -1, len(header)
+    )
+    return [line for line, _ in rows[1:]], dict(zip(header, values.T, strict=True))
 
 
 def _rows(path: Path):
@@ -141,20 +159,18 @@ def _rows(path: Path):
         ) from None
 
 
-def _check_header(path: Path, header: list[str], names: Sequence[str]) -> None:
-    wanted = (TIME, *names)
+def _check_header(
+    path: Path, header: list[str], needed: Sequence[str], further: Sequence[str]
+) -> None:
+    every = ", ".join([*needed, *further])
     for title in header:
-        if title not in wanted:
-            raise LinkworkError(
-                f"{path} has an unknown column {title!r}; the columns are {', '.join(wanted)}"
-            )
+        if title not in (*needed, *further):
+            raise LinkworkError(f"{path} has an unknown column {title!r}; the columns are {every}")
         if header.count(title) > 1:
             raise LinkworkError(f"{path} has the column {title!r} more than once; keep one of them")
-    missing = [name for name in wanted if name not in header]
+    missing = [name for name in needed if name not in header]
     if missing:
-        raise LinkworkError(
-            f"{path} lacks the column {missing[0]!r}; the columns are {', '.join(wanted)}"
-        )
+        raise LinkworkError(f"{path} lacks the column {missing[0]!r}; the columns are {every}")
 
 
 def _entries(path: Path, line: int, row: list[str], header: list[str]) -> list[float]:

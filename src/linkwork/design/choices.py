@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 
 from linkwork import checks
-from linkwork.mechanism.number_patterns import paths_of
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.number_patterns import paths_of
 from linkwork.mechanism.numbers import located
 from linkwork.robot import Robot
 

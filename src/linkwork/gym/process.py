@@ -82,6 +82,7 @@ class DecisionProcess:
     wrenches: Sequence[Wrench] = ()
 
     def __post_init__(self) -> None:
+        # The robot, and the bounds of the action.
         if not isinstance(self.robot, Robot):
             raise LinkworkError(
                 f"the robot of a process is {checks.shown(self.robot)}; give a linkwork.Robot, "
@@ -95,6 +96,7 @@ class DecisionProcess:
             )
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "high", high)
+        # Numbers and functions.
         checks.positive(self.dt, "dt", "s")
         for name in ("horizon", "substeps"):
             object.__setattr__(self, name, checks.count(getattr(self, name), name))
@@ -108,6 +110,7 @@ class DecisionProcess:
                 f"{checks.amount(len(self.robot.actuators), 'actuator')}; say by forces what an "
                 "action does"
             )
+        # Further states, drives, and what is drawn.
         if bool(self.states) != (self.rates is not None):
             raise LinkworkError("further states have rates, and rates are of states; give both")
         object.__setattr__(self, "states", extras_of(self.states))
