@@ -75,10 +75,14 @@ def written(folder, attached=ATTACHED, more=DRIVEN, compiler="", mesh="bulb"):
         'settotalmass="7" inertiagrouprange="0 2" balanceinertia="true"',
     ],
 )
-def test_a_model_attached_to_itself_moves_as_mujocos(compiler, tmp_path):
-    path = written(tmp_path, compiler=compiler)
-    assert difference(path) < 1e-9
+def test_a_model_attached_to_itself_moves_as_mujocos(compiler, tmp_path, monkeypatch):
+    """Reading leaves no file where one works; MuJoCo's own compile writes its log there."""
+    path, here = written(tmp_path, compiler=compiler), tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
     imported = load(path)
+    assert not [*here.iterdir()]
+    assert difference(path) < 1e-9
     assert not imported.mechanism.caveats
     told = [note for note in imported.notes if "written out by MuJoCo" in note]
     assert [note.partition(" is ")[0] for note in told] == [
