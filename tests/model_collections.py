@@ -85,9 +85,9 @@ class MuJoCoSide:
     def rows(self, q: np.ndarray) -> np.ndarray:
         self._at(q, np.zeros(self.nv))
         self.mj.mj_fwdPosition(self.model, self.data)
-        J = np.array(self.data.efc_J).reshape(-1, self.nv)
+        J, count = np.array(self.data.efc_J).reshape(-1, self.nv), self.data.nefc
         equality = int(self.mj.mjtConstraint.mjCNSTR_EQUALITY)
-        return J[np.array(self.data.efc_type)[: len(J)] == equality]
+        return J[:count][np.array(self.data.efc_type)[:count] == equality]
 
     def dynamics(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         self._at(q, v)
