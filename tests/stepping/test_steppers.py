@@ -60,6 +60,25 @@ def test_each_does_what_it_does_alone(name, size):
     assert robot.closure_error(states).max() < 1e-12
 
 
+@pytest.mark.parametrize(("name", "size"), [("prr3", 0.2), ("rrr3", 1.0)])
+def test_symplectic_steps_are_those_of_one(name, size):
+    """From chart to chart, too; of extra states, and of the one that is told alone."""
+    robot = built(name)
+    states, u = spread(robot, size)
+    given = {"method": "symplectic_euler", "drives": {robot.actuators[0]: control.Lag(0.02)}}
+    many = robot.stepper(states, DT, threads=1, **given)
+    many.step(u, steps=200)
+    assert not many.status.any()
+    for member in (0, 9, 16, N - 1):
+        alone = robot.stepper(states.at(member), DT, **given)
+        alone.step(u[member], 200)
+        require_alike(many, alone, member)
+    again = many.alone(9)
+    again.step()
+    many.step()
+    np.testing.assert_array_equal(again.y, many.y[9])
+
+
 @pytest.mark.parametrize(
     ("forces", "options"),
     [
@@ -257,7 +276,10 @@ def test_states_are_copied_or_written_where_asked(robot):
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"method": "rodas"}, "stepped on together by 'rk4', not by 'rodas'; make a stepper"),
+        (
+            {"method": "rodas"},
+            "together by 'rk4' or 'symplectic_euler', not by 'rodas'; make a stepper",
+        ),
         ({"rtol": 1e-3}, "there is no option of steppers 'rtol'; there are drives"),
         ({"threads": 0}, "threads is 0; give a whole number, at least 1"),
         ({"dt": -1.0}, "dt is -1.0; give a positive number"),

@@ -18,8 +18,9 @@ from linkwork.model.state import State
 from linkwork.model.turning import turning
 from linkwork.runs.members import Members
 from linkwork.runs.passage import CLOSURE, SOFT, portion
+from linkwork.runs.settings import Settings
 from linkwork.runs.system import System
-from linkwork.simulation import RK4, Status
+from linkwork.simulation import Status
 from linkwork.simulation.turns import whole
 from linkwork.simulation.vectors import LANES
 from linkwork.stepping.given_to_many import Index, which_of
@@ -47,6 +48,7 @@ class HeldMembers:
     dt: float
     threads: int
     _batch: Members
+    _settings: Settings
     _free: bool
 
     def _furnish(self, own: np.ndarray | None) -> None:
@@ -84,7 +86,7 @@ class HeldMembers:
         asked = np.ascontiguousarray(own_turning.table[:2])
         self._portion = max(1, portion(nq) // max(N, 1))
         self._asked = StepDemands(asked, self.dt, CLOSURE * batch.robot.size, first)
-        self._inputs = RK4(self.dt).plan.table, inputs.table, timed
+        self._inputs = self._settings.integrator.plan.table, inputs.table, timed
         self._seen = np.zeros((N, len(batch.robot.coordinates)))
         self._charts: dict[object, tuple[int, CompiledChart]] = {}
         self._of = np.zeros(N, int)  # the numbers of their charts

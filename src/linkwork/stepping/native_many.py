@@ -243,10 +243,10 @@ def set_inputs(theta, signal, herd, asked, block):
 
 
 @njit(**OPTIONS)
-def ailment(stages, asked, lane, block):
-    """Return why a step could not be taken, in the order of the stages."""
+def ailment(computed, asked, lane, block):
+    """Return why a step could not be taken, in the order of the stages that were computed."""
     n, k, now = block.n, block.k, block.now
-    for i in range(stages):
+    for i in range(computed):
         pivot = k[i * (n + 1) + n, lane]
         if not pivot >= now[BOUND, lane]:
             return NON_FINITE if math.isnan(pivot) else SINGULAR
@@ -271,6 +271,14 @@ def advance(motion, closure, method, signal, timed, herd, asked, block):
             set_inputs(method.c[i], signal, herd, asked, block)
         call_wide(motion, x, k, i * (n + 1))
     last = method.solution
+    # Symplectic: q' at the new v replaces that of k_1.
+    if method.computed > last:
+        combine(method.a + last * method.stages, 1, n, now, y, k, x)
+        for m in range(nq):
+            store(x, m, load(y, m))
+        call_wide(motion, x, k, n + 1)
+        for m in range(nq):
+            store(k, m, load(k, n + 1 + m))
     combine(method.a + last * method.stages, last, n, now, y, k, x)
     store(now, RESIDUAL, splat(0.0))
     if closure != 0:
@@ -278,7 +286,7 @@ def advance(motion, closure, method, signal, timed, herd, asked, block):
         project(closure, nq, x, block.z, block.z_next, now, asked.closure_tol, RESERVE)
     # What may be accepted: pivots above their bound, loops closed, finite numbers.
     healthy = load(now, RESIDUAL) <= splat(asked.closure_tol) * load(now, LOOSE)
-    for i in range(last):
+    for i in range(method.computed):
         healthy = healthy & (load(k, i * (n + 1) + n) >= load(now, BOUND))
     nothing = splat(0.0)
     for m in range(n):
@@ -303,7 +311,7 @@ def aim(herd, asked, live, block):
 
 
 @njit(**OPTIONS)
-def book(stages, herd, asked, healthy, block):
+def book(computed, herd, asked, healthy, block):
     """Count the steps that were taken, and end the members whose step could not be."""
     now = block.now
     store(now, WANTED, choose(healthy, splat(1.0), splat(0.0)))
@@ -315,7 +323,7 @@ def book(stages, herd, asked, healthy, block):
             herd.counts[LEFT, i] -= 1
             herd.counts[WRITTEN, i] = 0
         elif now[LIVE, lane] > 0:
-            herd.counts[CODE, i], now[LIVE, lane] = ailment(stages, asked, lane, block), 0.0
+            herd.counts[CODE, i], now[LIVE, lane] = ailment(computed, asked, lane, block), 0.0
             now[WANTED, lane] = 0.0
         else:
             now[WANTED, lane] = 0.0
@@ -435,7 +443,7 @@ def steps(motion, closure, plan, table, timed, herd, asked, members):
         begin(herd, asked, closure, signal, first, live, block)
         while aim(herd, asked, live, block) > 0:
             healthy = advance(motion, closure, method, signal, timed, herd, asked, block)
-            book(method.solution, herd, asked, healthy, block)
+            book(method.computed, herd, asked, healthy, block)
             move(block.x, 0, block.y, n, load(block.now, WANTED) <= splat(0.0))
             if large(asked, block):
                 settle(herd, asked, live, block)

@@ -24,7 +24,7 @@ from linkwork.runs.running import EXAMPLE
 from linkwork.runs.settings import Settings
 from linkwork.runs.side_by_side import Stands, begun, in_better_charts, pivots
 from linkwork.runs.system import require_starts
-from linkwork.simulation import Status
+from linkwork.simulation import FIXED, MethodName, Status
 from linkwork.stepping.given_to_many import (
     Index,
     as_events,
@@ -65,9 +65,9 @@ SINGULAR = int(Status.SINGULAR)
 class Steppers(HeldMembers):
     """Step N robots on together, dt at a time, each under its own forces.
 
-    Made by `Robot.stepper` of a stack of states. A member does what a `Stepper` with method "rk4"
-    does alone; its neighbours do not matter. One whose step cannot be taken keeps the state before
-    it and tells why by its `status`; the others go on.
+    Made by `Robot.stepper` of a stack of states. A member does what a `Stepper` does alone with the
+    same method, "rk4" or "symplectic_euler"; its neighbours do not matter. One whose step cannot be
+    taken keeps the state before it and tells why by its `status`; the others go on.
 
     Attributes:
         y: the states (N, n), of which q (N, nq), v (N, n) and z (N, nz) are views: as of a
@@ -93,23 +93,25 @@ class Steppers(HeldMembers):
         wrenches: Sequence[Wrench] = (),
         parameters: Mapping[str, ArrayLike] | None = None,
         readings: Sequence[Law] = (),
-        method: str = "rk4",
+        method: MethodName = "rk4",
         threads: int | None = None,
     ):
         self.dt = checks.positive(dt, "dt", "s")
         self.threads = usable_processors() if threads is None else count(threads, "threads")
-        if method != "rk4":
+        if method not in FIXED:
+            kept = " or ".join(map(repr, FIXED))
             raise LinkworkError(
-                f"many robots are stepped on together by 'rk4', not by {method!r}; make a stepper "
+                f"many robots are stepped on together by {kept}, not by {method!r}; make a stepper "
                 "of each, robot.stepper(states.at(0), ...), for other methods"
             )
+        self._settings = Settings(duration=self.dt, method=method, step=self.dt)
         own, given = forces_of_each(robot, forces)
         if own is not None and not isinstance(own, np.ndarray):
             raise LinkworkError(
                 "signals of each robot are no forces of steppers; give those of the moment to step"
             )
         values = by_name(parameters, "parameters", EXAMPLE)
-        self._given = {"drives": drives, "wrenches": wrenches}
+        self._given = {"method": method, "drives": drives, "wrenches": wrenches}
         watched = as_events(readings)
         self._batch = members(
             robot, states, forces, values, drives, wrenches, watched, self.dt, False
@@ -119,7 +121,6 @@ class Steppers(HeldMembers):
                 "a sampled controller is not stepped on in many robots together; make a stepper of "
                 "each, robot.stepper(states.at(0), ...), or give it as a controller (t, state)"
             )
-        self._settings = Settings(duration=self.dt, method="rk4", step=self.dt)
         self._forces, self._free = given, is_free(forces)
         self._furnish(own)
         self.reset()
