@@ -21,13 +21,13 @@ def moved(robot: lw.Robot) -> tuple[np.ndarray, np.ndarray]:
     return np.tile(run["joint_position"].values, (N // 50, 1)), rates
 
 
-@pytest.mark.parametrize("name", ["prr3", "five_bar", "bricard", "delta"])
+@pytest.mark.parametrize("name", ["prr3", "bricard", "stewart", "rrs3"])
 def test_a_stack_is_made_of_states_of_their_own(name):
     """The first three at one go; where joints were added to the tree, step by step."""
     robot = built(name)
     positions, rates = moved(robot)
     states = robot.state(positions, rates)
-    assert (undoubted(robot, positions, 1e-6, 1) is None) == (name == "delta")
+    assert (undoubted(robot, positions, 1e-6, 1) is None) == (name == "rrs3")
     assert states.batch == (N,)
     for i in (0, 7, N - 1):
         alone = robot.state(positions[i], rates[i])
@@ -40,6 +40,34 @@ def test_a_stack_is_made_of_states_of_their_own(name):
     dealt = robot.state(positions, rates, threads=2)
     np.testing.assert_array_equal(dealt.q, states.q)
     np.testing.assert_array_equal(dealt.positions, states.positions)
+
+
+def test_quaternions_may_have_any_length_and_sign():
+    """At one go, too; those of joints that close loops keep the sign that is given."""
+    robot, draw = built("stewart"), np.random.default_rng(8)
+    positions, _ = moved(robot)
+    positions = positions[:50].copy()
+    given, every = positions.copy(), robot.labels.all_quaternions.values()
+    assert len(every) > len(robot.labels.quaternions) > 0
+    signs = draw.choice([-1.0, 1.0], size=(50, len(every)))
+    for places, sign in zip(every, signs.T, strict=True):
+        given[:, places] *= (sign * draw.uniform(0.5, 2.0, 50))[:, None]
+    assert undoubted(robot, given, 1e-6, 1) is not None
+    states, plain = robot.state(given), robot.state(positions)
+    assert robot.closure_error(states).max() < 1e-12
+    for places in every:
+        p, told = given[:, places], states.positions[:, places]
+        p = p / np.linalg.norm(p, axis=1, keepdims=True)
+        np.testing.assert_allclose(told, p, atol=1e-12)
+    for i in range(0, 50, 7):
+        alone = robot.state(given[i])
+        np.testing.assert_allclose(states.positions[i], alone.positions, rtol=1e-14, atol=1e-14)
+        np.testing.assert_allclose(states.q[i], alone.q, rtol=1e-14, atol=1e-14)
+    others = [k for k in range(given.shape[1]) if not any(k in places for places in every)]
+    np.testing.assert_allclose(states.positions[:, others], plain.positions[:, others], atol=1e-12)
+    given[3, next(iter(every))] = 0.0
+    with pytest.raises(lw.LinkworkError, match="is zero; give one of any other length"):
+        robot.state(given)
 
 
 def test_what_is_doubted_goes_the_longer_way():

@@ -1,8 +1,9 @@
 """Stacks: many states at once, where nothing about them is doubtful.
 
 One kernel goes through the coordinates of all joints once: it reads off the tree's, tells how far
-the loops are open, and by how much the coordinates contradict each other. What it doubts, whole
-turns included, is looked at step by step (`posing`).
+the loops are open, and by how much the coordinates contradict each other. Quaternions may have any
+length and either sign. What it doubts, whole turns of angles included, is looked at step by step
+(`posing`).
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def undoubted(robot: Model, given: Any, tolerance: float, threads: int) -> Told 
     if not (plain and given.size and given.shape[-1] == len(robot.coordinates)):
         return None
     equations = robot.equations
-    if equations.topology.added or equations.tree.quaternions:
+    if equations.topology.added:
         return None
     q, read, gap, mismatch = reading(robot)(given, robot.p, threads=threads)
     closed = gap.max() <= min(CLOSED, tolerance)
@@ -44,20 +45,29 @@ def undoubted(robot: Model, given: Any, tolerance: float, threads: int) -> Told 
 
 def reading(robot: Model) -> Kernel:
     """Return the kernel (coordinates of all joints, p) -> q, what is read off it, the largest |phi|
-    and the largest contradiction in own units, infinite where turns are counted."""
+    and the largest contradiction in own units, infinite where turns are counted or it is no
+    number."""
 
     def made(equations: Equations) -> ca.Function:
+        labels = robot.labels
         given = ca.SX.sym("given", len(robot.coordinates))
-        q = given[robot.labels.of_tree.tolist()]
+        q = given[labels.of_tree.tolist()]
+        for places, _ in equations.tree.quaternions:
+            q[list(places)] /= ca.norm_2(q[list(places)])
         told = ca.Function(
             "told",
             [equations.tree.q, equations.p],
             [equations.joints.positions(), conditions(equations)],
         )
         read, gap = told(q, equations.p)
-        windings, mismatch = robot.labels.comparison(given, read)
-        turned = ca.mmax(ca.fabs(windings)) > 0
-        worst = ca.if_else(turned, ca.inf, ca.mmax(mismatch))
+        # Quaternions that are read off keep the sign that is given.
+        windings, mismatch = labels.comparison(given, read)
+        signed = ca.DM(labels.signed.astype(float))
+        read *= 1 - 2 * signed * windings
+        turned = ca.mmax(ca.fabs(windings * (1 - signed))) > 0
+        # The largest number does not tell of what is none, their sum does.
+        sound = ca.logic_and(ca.sum1(mismatch) < ca.inf, ca.logic_not(turned))
+        worst = ca.if_else(sound, ca.mmax(mismatch), ca.inf)
         outputs = [ca.densify(part) for part in (q, read, gap, worst)]
         names = ["q", "read", "gap", "mismatch"]
         return ca.Function(
