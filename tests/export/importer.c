@@ -1,7 +1,14 @@
 /* An importer of FMI 3.0 that is not FMPy: a co-simulation with constant inputs, its end printed.
 
    importer LIBRARY TOKEN STEPS LENGTH INPUTS (REFERENCE VALUE)... OUTPUTS REFERENCE... */
+#ifdef _WIN32
+#include <windows.h>
+#define dlopen(name, mode) LoadLibraryA(name)
+#define dlsym(library, name) (void *)GetProcAddress(library, name)
+#define dlerror() "the library does not load"
+#else
 #include <dlfcn.h>
+#endif
 #include <stdio.h>
 #include <stdlib.h>
 

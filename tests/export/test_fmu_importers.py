@@ -11,16 +11,18 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.export import FmuExport
 
 from tests.catalogue import built
 from tests.export import fmus
-from tests.export.compiled import run
+from tests.export.compiled import compiler, run
 from tests.export.test_fmu_files import HEADERS
 
 IMPORTER = Path(__file__).with_name("importer.c")
 DURATION, STEPS = 0.2, 10
 FORCES = {"slide_1": 1.0, "slide_2": -2.0}
 FMUSIM = shutil.which("fmusim")
+WINE = shutil.which("wine64") or shutil.which("wine")
 VDMCHECK = os.environ.get("VDMCHECK3")
 
 
@@ -35,7 +37,7 @@ def arm(*tools: str) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("compiler", "emulator", "platform"),
+    ("command", "emulator", "platform"),
     [
         ("gcc", [], fmus.OWN),
         pytest.param(
@@ -49,7 +51,7 @@ def arm(*tools: str) -> bool:
         ),
     ],
 )
-def test_an_importer_in_c_simulates(compiler, emulator, platform, tmp_path):
+def test_an_importer_in_c_simulates(command, emulator, platform, tmp_path):
     robot = built("prr3")
     if platform == fmus.OWN:
         export = lw.export.fmu(robot, platforms=())  # pyright: ignore[reportArgumentType]
@@ -60,14 +62,40 @@ def test_an_importer_in_c_simulates(compiler, emulator, platform, tmp_path):
         library = tmp_path / f"{export.name}.so"
         library.write_bytes(export.files[f"binaries/{platform}/{export.name}.so"])
     importer = tmp_path / "importer"
-    run([shutil.which(compiler) or compiler, f"-I{HEADERS}", "-o", importer, IMPORTER, "-ldl"])
+    run([shutil.which(command) or command, f"-I{HEADERS}", "-o", importer, IMPORTER, "-ldl"])
+    require_expected(run([*emulator, importer, library, *asked(export, robot)]).split())
+
+
+@pytest.mark.skipif(
+    os.environ.get("LINKWORK_HOSTILE") != "all" or not WINE or not arm(),
+    reason="takes a minute, and needs zig and Wine: set LINKWORK_HOSTILE=all",
+)
+def test_the_library_for_windows_simulates(tmp_path):
+    robot, platform = built("prr3"), "x86_64-windows"
+    export = lw.export.fmu(robot, platforms=[platform])
+    library, importer = tmp_path / f"{export.name}.dll", tmp_path / "importer.exe"
+    library.write_bytes(export.files[f"binaries/{platform}/{library.name}"])
+    zig = [*compiler("zig"), "-target", "x86_64-windows-gnu"]
+    run([*zig, f"-I{HEADERS}", "-o", importer, IMPORTER])
+    own = {**os.environ, "WINEPREFIX": str(tmp_path / "wine"), "WINEDEBUG": "-all"}
+    told = run([WINE or "", importer, library.name, *asked(export, robot)], cwd=tmp_path, env=own)
+    require_expected(told.split()[-len(robot.coordinates) - 1 :])
+
+
+def asked(export: FmuExport, robot: lw.Robot) -> list[str]:
+    """Return what the importer is told: how to simulate, and what to print at the end."""
     token = export.files["modelDescription.xml"].decode().split('instantiationToken="')[1]
     place = {name: str(k) for k, name in enumerate(export.variables)}
     words = [token.split('"')[0], STEPS, DURATION / STEPS, len(FORCES)]
     for name, force in FORCES.items():
         words += [place[f"force.{name}"], force]
     words += [place[f"joint.{each}"] for each in robot.coordinates] + [place["closure_error"]]
-    found = [*map(float, run([*emulator, importer, library, *map(str, words)]).split())]
+    return [*map(str, words)]
+
+
+def require_expected(printed: list[str]) -> None:
+    """The joints are where the robot's own run leaves them, the loops closed."""
+    found = [*map(float, printed)]
     np.testing.assert_allclose(found[:-1], expected(), atol=1e-7)
     assert found[-1] < 1e-12
 
