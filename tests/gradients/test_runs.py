@@ -15,6 +15,8 @@ import linkwork as lw
 from linkwork import math
 from linkwork.control import DCMotor, Event, Sampler
 
+from tests.oracle.random_joints import random_tree
+
 FIXED = {"method": "rk4", "step": 0.01}
 TIGHT = {"rtol": 1e-12, "atol": 1e-13}
 
@@ -31,8 +33,8 @@ def moved(robot, state, forces, options, quantities, name, d):
     """Return the last values of a run of which one number is another by d."""
     group, _, rest = name.partition(".")
     options, start = dict(options), state
-    held = {own: float(state[own]) for own in state.independent}
     if group == "positions":
+        held = {own: float(state[own]) for own in state.independent}
         start = robot.assemble(held | {rest: held[rest] + d}, guess=state, rates=state.rates)
     elif group == "rates":
         start = state.with_rates(state.rates + d * (np.array(state.independent) == rest))
@@ -219,6 +221,25 @@ TUMBLING = lw.Mechanism(
     bodies={"box": lw.Body(mass=1.5, inertia={"xx": 0.1, "yy": 0.25, "zz": 0.3})},
     joints={"free": lw.FreeJoint(connects=("ground", "box"))},
 )
+
+
+def test_gears_and_free_turns():
+    """Rates, forces and a mass of a floating tree, whose coordinates hold a quaternion."""
+    mechanism, rng = (
+        random_tree(1, 5, effects=True, gears=1, actuation=-2),
+        np.random.default_rng(1),
+    )
+    robot = lw.Robot(mechanism)
+    robot = robot.free(f"{robot.bodies[-1]}.mass")
+    start = robot.home.with_rates(0.3 * rng.standard_normal(robot.mobility))
+    forces, options = rng.standard_normal(len(robot.actuators)), {"duration": 0.05, **FIXED}
+    run = robot.simulate(start, forces, **options)
+    told = run.sensitivity("joint_rate", to=["rates", "forces", "parameters"]).joint_rate
+    largest = np.abs(told.values[-1]).max()
+    for name in told["number"].values.tolist():
+        own = partial(moved, robot, start, forces, options, ["joint_rate"], name)
+        found = told.sel(number=name).values[-1]
+        assert np.abs(found - derivative(own)).max() < 1e-8 * largest, name
 
 
 def test_turns_of_free_bodies_are_rotation_vectors():
