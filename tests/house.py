@@ -29,10 +29,10 @@ WINGS = {
     "bearings": ("bearing", "bearing_loads", "bearings", "needs", "rubbing"),
     "fluid": ("fluid",),
     "transmissions": ("cables", "displacements", "transmissions"),
-    "refusals": ("checks", "refusal"),
+    "refusals": ("admission", "checks", "consistency", "refusal"),
     # How equations begin, and which are chosen.
     "home": ("around_home", "homing", "nearest", "reference"),
-    "mobility, spins": ("mobility", "spins"),
+    "mobility, spins": ("mobility", "reflections", "spins"),
     "changes of chart": (
         *("chart_choice", "chart_margins", "chart_transfer", "known_charts", "next_chart"),
         "reordering",

@@ -23,12 +23,13 @@ from linkwork.gradients.native_steps import DerivativeKernels, StateSizes
 
 
 @dataclass(eq=False)
-class Changes:
-    """Hold D changes on their way along a run.
+class HandedOn:
+    """Hold what links hand on: of the state and the held inputs at hand, of what acts all along,
+    and of the samples.
 
-    y (D, n): of the state; held (D, nh): of held inputs; p (D, np): of the parameters; signal
-    (D, 4 pieces, columns): of the coefficients of the inputs over time
-    sample_y (S, D, n), sample_held (S, D, nh), sample_t (S, D): of the samples, left by the links
+    y (..., n); held (..., nh); p (..., np) and signal (..., 4 pieces, columns): parameters, and
+    coefficients of the inputs over time
+    sample_y (S, ..., n), sample_held (S, ..., nh), sample_t (S, ...)
     """
 
     y: np.ndarray
@@ -38,6 +39,11 @@ class Changes:
     sample_y: np.ndarray
     sample_held: np.ndarray
     sample_t: np.ndarray
+
+
+class Changes(HandedOn):
+    """Hold D changes (D, ...) on their way along a run; those of the samples are left by the
+    links."""
 
     def read(self, numbers: np.ndarray) -> None:
         """Take samples of the present state."""
@@ -45,21 +51,10 @@ class Changes:
 
 
 @dataclass(eq=False)
-class LossSlopes:
-    """Hold the derivatives of a loss on their way back along a run.
+class LossSlopes(HandedOn):
+    """Hold the derivatives of a loss on their way back along a run: with respect to what acts all
+    along, so far. integral: of the cost."""
 
-    y (n), held (nh): with respect to the state and the held inputs at hand; p (np), signal
-    (4 pieces, columns): with respect to what acts all along, so far; integral: of the cost
-    sample_y (S, n), sample_held (S, nh), sample_t (S): with respect to the samples
-    """
-
-    y: np.ndarray
-    held: np.ndarray
-    p: np.ndarray
-    signal: np.ndarray
-    sample_y: np.ndarray
-    sample_held: np.ndarray
-    sample_t: np.ndarray
     integral: float = 0.0
 
     def add(self, numbers: np.ndarray, y: np.ndarray, held: np.ndarray, t: np.ndarray) -> None:

@@ -6,8 +6,7 @@ nothing special: it is what one gets when joints close a cycle. Units are SI, an
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
-from itertools import islice
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -16,24 +15,32 @@ from pydantic import Field, model_validator
 from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.body import Body, Inertia
+from linkwork.mechanism.consistency import (
+    check_actuators,
+    check_connected,
+    check_connects,
+    check_drives,
+    check_ratios,
+    check_transmissions,
+    require,
+)
 from linkwork.mechanism.contact import Contact
 from linkwork.mechanism.effects import Lift, PointSpring
 from linkwork.mechanism.elastic import expanded
 from linkwork.mechanism.fluid import Drag, Fluid
 from linkwork.mechanism.frame import Frame
-from linkwork.mechanism.joints import QUATERNION, TYPES, GearJoint, Joint, JointBase, PairJoint
+from linkwork.mechanism.joints import TYPES, GearJoint, Joint, JointBase, PairJoint
 from linkwork.mechanism.quantities import QuantityName, standing
 from linkwork.mechanism.record import MechanismError, Name, PathName, Real, Record, Vector3
 from linkwork.mechanism.refusal import shown
 from linkwork.mechanism.task import NAMES, TaskCoordinate, labels
-from linkwork.mechanism.transmissions import Cable, Combination, Thrust, Transmission
+from linkwork.mechanism.transmissions import Transmission
 from linkwork.notebooks import Portrayed
 
 if TYPE_CHECKING:
     import networkx as nx
 
 GROUND = "ground"
-SHOWN = 100  # names in one sentence
 NAMED = 6  # actuators in a repr
 
 
@@ -220,34 +227,27 @@ class Mechanism(Record, Portrayed):
         pairs |= {("springs", name): spring for name, spring in self.springs.items()}
         pairs |= {("contacts", name): contact for name, contact in self.contacts.items()}
         for where, pair in pairs.items():
-            for body in pair.connects:
-                require(body, bodies, "body", (*where, "connects"))
-            if pair.connects[0] == pair.connects[1]:
-                raise MechanismError(
-                    f"connects {pair.connects[0]!r} to itself; name two bodies", where
-                )
+            check_connects(pair.connects, bodies, where)
         # What refers to coordinates: gears, transmissions, actuators, the reference.
         for name, gear in self.gears.items():
-            self._check_ratios(gear.ratios, coordinates, ("joints", name, "ratios"), "be geared")
+            where = ("joints", name, "ratios")
+            check_ratios(gear.ratios, coordinates, self.joints, where, "be geared")
         for name, lift in self.lifts.items():
             require(lift.body, self.bodies, "body", ("lifts", name, "body"))
         for name, drag in self.drags.items():
             require(drag.body, self.bodies, "body", ("drags", name, "body"))
-        self._check_transmissions(coordinates)
-        self._check_actuators()
+        named = coordinates, self.rates, self.joints, self.bodies, GROUND
+        check_transmissions(self.transmissions, *named)
+        moving = dict.fromkeys((*self.rates, *self.transmissions))
+        check_actuators(self.actuators, moving, self.joints)
+        check_drives(self.drives, self.actuators)
         for name, tool in self.tools.items():
             require(tool.body, self.bodies, "body", ("tools", name, "body"))
             require(tool.relative_to, bodies, "body", ("tools", name, "relative_to"))
         for name in self.reference:
             require(name, coordinates, "joint", ("reference",))
         # All hangs together.
-        joined = neighbours(joint.connects for joint in self.pairs.values())
-        loose = set(self.bodies) - reached(GROUND, joined)
-        if loose:
-            first = next(name for name in self.bodies if name in loose)
-            raise MechanismError(
-                "no chain of joints connects it to ground; add a joint to it", ("bodies", first)
-            )
+        check_connected(self.bodies, [joint.connects for joint in self.pairs.values()], GROUND)
         return self
 
     def graph(self) -> nx.MultiGraph:
@@ -270,69 +270,6 @@ class Mechanism(Record, Portrayed):
                     f"the formula {shown(text)} does not give the number that stands there; use "
                     "Mechanism.with_quantities, or remove it",
                     tuple(path.split(".")),
-                )
-
-    def _check_ratios(
-        self,
-        ratios: Mapping[str, float],
-        coordinates: Mapping[str, None],
-        where: tuple[str, ...],
-        what: str,
-    ) -> None:
-        """Refuse ratios of what is no coordinate, or a part of a quaternion."""
-        for label in ratios:
-            require(label, coordinates, "coordinate", where)
-            if label.rpartition(".")[2] in QUATERNION and label not in self.joints:
-                raise MechanismError(
-                    f"{label!r} is part of a quaternion and cannot {what}; name an angle or a "
-                    "slide",
-                    where,
-                )
-
-    def _check_transmissions(self, coordinates: Mapping[str, None]) -> None:
-        if not self.transmissions:
-            return
-        taken = {*coordinates, *self.rates, *self.joints}
-        for name, line in self.transmissions.items():
-            where = ("transmissions", name)
-            if name in taken:
-                raise MechanismError(
-                    f"{name!r} is the name of a joint; give the transmission another", where
-                )
-            if isinstance(line, Combination):
-                self._check_ratios(line.ratios, coordinates, (*where, "ratios"), "be combined")
-            elif isinstance(line, Thrust):
-                require(line.body, self.bodies, "body", (*where, "body"))
-            else:
-                own = ("path",) if isinstance(line, Cable) else ()
-                for body in line.bodies:
-                    require(body, dict.fromkeys((GROUND, *self.bodies)), "body", (*where, *own))
-
-    def _check_actuators(self) -> None:
-        rates, seen = dict.fromkeys((*self.rates, *self.transmissions)), set()
-        for name in self.actuators:
-            joint = self.joints.get(name)
-            if joint is not None and name not in rates:
-                own = joint.rates(name)
-                cure = (
-                    f"actuate one of its rates {', '.join(own)}" if own else "actuate another joint"
-                )
-                raise MechanismError(
-                    f"{name!r} is a {joint.type} joint and cannot be actuated; {cure}",
-                    ("actuators",),
-                )
-            require(name, rates, "joint", ("actuators",))
-            if name in seen:
-                raise MechanismError(
-                    f"{name!r} is named twice; name each actuated joint once", ("actuators",)
-                )
-            seen.add(name)
-        for name, drive in self.drives.items():
-            require(name, self.actuators, "actuator", ("drives",))
-            if not isinstance(drive.get("type"), str):
-                raise MechanismError(
-                    "is missing; give the type of a drive of linkwork.control, such as servo",
-                    ("drives", name, "type"),
                 )
 
     def with_payload(
@@ -463,34 +400,3 @@ def one_joint(name: str, fields: Mapping[str, Any]) -> JointBase:
         return kind(**fields)
     except MechanismError as error:
         raise MechanismError(error.what, ("joints", name, *error.where)) from None
-
-
-def require(name: str, known: Collection[str], kind: str, where: tuple[str, ...]) -> None:
-    """Refuse a name that is not among the known ones, and show those."""
-    if name not in known:
-        names = ", ".join(islice(known, SHOWN)) or "(none)"
-        more = f" and {len(known) - SHOWN} more" if len(known) > SHOWN else ""
-        raise MechanismError(
-            f"there is no {kind} {shown(name)}; the {kind} names are {names}{more}", where
-        )
-
-
-def neighbours(connects: Iterable[tuple[str, str]]) -> dict[str, set[str]]:
-    """Return the bodies that joints connect each body to; connects: both bodies of each joint."""
-    found: dict[str, set[str]] = {}
-    for first, second in connects:
-        found.setdefault(first, set()).add(second)
-        found.setdefault(second, set()).add(first)
-    return found
-
-
-def reached(start: str, joined: Mapping[str, set[str]]) -> set[str]:
-    """Return the bodies to which chains of joints lead from a body, itself among them; joined:
-    `neighbours`."""
-    found, beyond = set[str](), [start]
-    while beyond:
-        body = beyond.pop()
-        if body not in found:
-            found.add(body)
-            beyond += joined.get(body, ())
-    return found

@@ -40,7 +40,7 @@ from linkwork.simulation import (
     stack,
 )
 from linkwork.simulation.events import Watch
-from linkwork.simulation.integration import Problem, advanced
+from linkwork.simulation.integration import Problem, TimeSpan, advanced
 from linkwork.simulation.turns import whole
 
 if TYPE_CHECKING:
@@ -304,19 +304,10 @@ class Passage:
         chart, t, settings = stand.chart, stand.t, self.settings
         first = t == self.start and stand.method is settings.integrator
         steps = min(stand.steps, portion(stand.q.size))
-        return advanced(
-            self.problem(chart, stand.method, inputs),
-            np.concatenate((stand.q, stand.v)),
-            stand.q.size,
-            t,
-            t + (end - t),
-            pivot_bound=stand.bound,
-            steps=steps,
-            save_at=save_at,
-            first_step=stand.pace or (self.pace if first else None),
-            control=stand.control,
-            turns=stand.turns,
-        )
+        pace = stand.pace or (self.pace if first else None)
+        going_on = stand.bound, steps, save_at, pace, stand.control, stand.turns
+        y, problem = np.concatenate((stand.q, stand.v)), self.problem(chart, stand.method, inputs)
+        return advanced(problem, y, TimeSpan(stand.q.size, t, t + (end - t), *going_on))
 
     def problem(self, chart: CompiledChart, method: Method, inputs: Signal) -> Problem:
         """Return what is integrated in a chart, and how."""

@@ -27,7 +27,7 @@ from linkwork.runs.one_by_one import Progress, Task
 from linkwork.runs.passage import CLOSURE, LOWER, RECOVERED, SHORT, SOFT, Segment, Stand
 from linkwork.runs.settings import Settings
 from linkwork.simulation import Method, Status, Trajectory
-from linkwork.simulation.integration import times_within
+from linkwork.simulation.admission import times_within
 from linkwork.simulation.many import Occasion, Outcomes, Starts, integrate_many
 
 EVALUATIONS = 100  # that a member takes in a chart, about

@@ -9,9 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
+from linkwork.simulation.admission import (
+    numbers_of,
+    refuse_start,
+    require_positive,
+    require_run,
+    times_within,
+    tolerances,
+)
 from linkwork.simulation.events import ENDS, Control, Events, Pace, Watch
 from linkwork.simulation.methods import Method
-from linkwork.simulation.signals import ROUNDING, Sampled, Signal, as_signal, require_increasing
+from linkwork.simulation.signals import ROUNDING, Sampled, Signal, as_signal
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE
 from linkwork.simulation.trajectory import Trajectory
@@ -100,13 +108,13 @@ def integrate(
     # What may not be: runs without an end, numbers that are none, methods without what they need.
     require_run(duration, max_steps)
     signal = as_signal(forces)
-    q, v = _vector("q", q), _vector("v", v)
+    q, v = numbers_of("q", q), numbers_of("v", v)
     for name, value in (
         ("max_step", max_step),
         ("pivot_bound", pivot_bound),
         ("closure_tol", closure_tol),
     ):
-        _require_positive(name, value)
+        require_positive(name, value)
     if method.stiff and not jacobian:
         raise LinkworkError(f"{method.name} needs the address of the Jacobian's kernel")
     y = np.concatenate((q, v))
@@ -117,7 +125,7 @@ def integrate(
         motion,
         closure or 0,
         jacobian or 0,
-        _vector("the parameters", parameters),
+        numbers_of("the parameters", parameters),
         signal,
         watch,
         events,
@@ -129,19 +137,9 @@ def integrate(
         leave_stiff,
         turning or Turning.none(q.size),
     )
-    return advanced(
-        problem,
-        y,
-        q.size,
-        start,
-        start + duration,
-        pivot_bound=pivot_bound,
-        steps=max_steps,
-        save_at=save_at,
-        first_step=first_step,
-        control=control,
-        turns=turns,
-    )
+    stop, going_on = start + duration, (first_step, control, turns)
+    span = TimeSpan(q.size, start, stop, pivot_bound, max_steps, save_at, *going_on)
+    return advanced(problem, y, span)
 
 
 class Problem(NamedTuple):
@@ -168,27 +166,31 @@ class Problem(NamedTuple):
     turning: Turning
 
 
-def advanced(
-    problem: Problem,
-    y: np.ndarray,
-    nq: int,
-    start: float,
-    stop: float,
-    *,
-    pivot_bound: float,
-    steps: int,
-    save_at: ArrayLike | None,
-    first_step: float | Pace | None,
-    control: Control | None,
-    turns: ArrayLike | None,
-) -> Trajectory:
-    """Integrate a problem from the state y (q, v) at start to stop [s], as `integrate` does; y
-    holds the last state then."""
+class TimeSpan(NamedTuple):
+    """Hold over which span of time a problem is integrated, and from what, as `integrate` takes
+    it.
+
+    start, stop: [s]; nq: how many of the state's numbers are coordinates; steps: at most
+    """
+
+    nq: int
+    start: float
+    stop: float
+    pivot_bound: float
+    steps: int
+    save_at: ArrayLike | None
+    first_step: float | Pace | None = None
+    control: Control | None = None
+    turns: ArrayLike | None = None
+
+
+def advanced(problem: Problem, y: np.ndarray, span: TimeSpan) -> Trajectory:
+    """Integrate a problem from the state y (q, v), as `integrate` does; y holds the last state
+    then."""
     method, turning, closure_tol = problem.method, problem.turning, problem.closure_tol
+    nq, control = span.nq, span.control
     native, loop = _compiled(method.stiff)
-    given = entry(
-        problem, y, nq, start, stop, pivot_bound, steps, save_at, first_step, control, turns
-    )
+    given = entry(problem, y, span)
     conditions, counted, state = given[4], given[9], given[10]
     facts = np.empty(len(loop.LoopOutcome._fields))
     rows = native.integrate(*given, facts)
@@ -204,7 +206,7 @@ def advanced(
     if status is Status.CLOSURE_LOST:
         closure_tol *= turning.looser(y[:nq])
     bounds = {
-        "pivot_bound": pivot_bound,
+        "pivot_bound": span.pivot_bound,
         "closure_tol": closure_tol,
         "max_steps": problem.max_steps,
         "event": event,
@@ -214,26 +216,14 @@ def advanced(
     return Trajectory(rows, found, y, counted[2], nq, outcome, control, bounds, status)
 
 
-def entry(
-    problem: Problem,
-    y: np.ndarray,
-    nq: int,
-    start: float,
-    stop: float,
-    pivot_bound: float,
-    steps: int,
-    save_at: ArrayLike | None,
-    first_step: float | Pace | None,
-    control: Control | None,
-    turns: ArrayLike | None,
-) -> tuple[Any, ...]:
+def entry(problem: Problem, y: np.ndarray, span: TimeSpan) -> tuple[Any, ...]:
     """Return the arguments of `native_loop.begin`, as `advanced` takes its own; what is to be kept
     alive is among them."""
-    if not 0 <= start < math.inf:
-        raise LinkworkError(f"a run must start at a finite time from 0 s on, not at {start} s")
+    nq, start, stop, pivot_bound, steps, save_at, first_step, control, turns = span
     signal, method = problem.forces, problem.method
-    require_cover("the forces", signal, start, stop)
-    require_finite(y, nq)
+    known = 0 <= start < math.inf and signal.covers(start, stop)
+    if not (known and all(map(math.isfinite, y.tolist()))):
+        refuse_start(y, nq, signal, start, stop)
     counted = problem.turning.table.copy()
     if turns is not None:
         counted[2] = turns
@@ -286,7 +276,7 @@ def _pace(first_step: float | Pace | None) -> tuple[float, ...]:
         return tuple(map(float, astuple(first_step)))
     if first_step is None:
         return GUESSED
-    _require_positive("first_step", first_step)
+    require_positive("first_step", first_step)
     return float(first_step), math.inf, 0.0, 0.0
 
 
@@ -300,86 +290,9 @@ def _sampling(control: Control | None, start: float) -> tuple[np.ndarray, float,
         if control.next_sample is None
         else control.next_sample
     )
-    return _vector("the held inputs", control.held), float(control.period), first, control.address
-
-
-def _vector(what: str, values: ArrayLike) -> np.ndarray:
-    """Return a contiguous copy (n,) as floats, or refuse what is no list of finite numbers."""
-    vector = np.array(values, dtype=float)
-    if vector.ndim != 1:
-        raise LinkworkError(
-            f"{what} must be a list of numbers, not an array of the shape {vector.shape}"
-        )
-    numbers = vector.tolist()
-    if not all(map(math.isfinite, numbers)):
-        i = next(i for i, number in enumerate(numbers) if not math.isfinite(number))
-        raise LinkworkError(f"{what} must be finite: number {i} is {numbers[i]} (counted from 0)")
-    return vector
-
-
-def tolerances(rtol: ArrayLike, atol: ArrayLike, n: int) -> np.ndarray:
-    """Return rtol and atol (2, n) for each of the n components."""
-    table = np.empty((2, n))
-    table[0], table[1] = _tolerance("rtol", rtol, n), _tolerance("atol", atol, n)
-    return table
-
-
-def _tolerance(name: str, value: ArrayLike, n: int) -> ArrayLike:
-    """Return a tolerance, one for all of the n components or one for each."""
-    if isinstance(value, float) and 0 < value < math.inf:
-        return value
-    given = np.asarray(value, dtype=float)
-    if given.shape not in ((), (n,)):
-        raise LinkworkError(
-            f"{name} has the shape {given.shape}: give one number, or {n}, one for each of (q, v)"
-        )
-    for number in given.ravel().tolist():
-        if not 0 < number < math.inf:
-            raise LinkworkError(f"{name} must be positive and finite, not {number}")
-    return given
-
-
-def require_finite(y: np.ndarray, nq: int) -> None:
-    """Refuse states of which a number is none; say which."""
-    if not all(map(math.isfinite, y.tolist())):
-        _vector("q", y[:nq])
-        _vector("v", y[nq:])
-
-
-def times_within(save_at: ArrayLike, start: float, stop: float) -> np.ndarray:
-    """Return the times to save at, (K,); a last one that lies beyond the end by rounding only is
-    the end."""
-    times = _vector("save_at", save_at)
-    require_increasing("the times in save_at", times)
-    if not times.size:
-        return times
-    first, last = times.item(0), times.item(-1)
-    if first < start or last > stop + ROUNDING * (stop - start):
-        raise LinkworkError(
-            f"the times in save_at run from {first:g} s to {last:g} s: give times within the run,"
-            f" from {start:g} s to {stop:g} s"
-        )
-    return times if last <= stop else np.minimum(times, stop)
-
-
-def require_run(duration: float, max_steps: int) -> None:
-    """Refuse runs that have no end, or no step."""
-    if not 0 < duration < math.inf:
-        raise LinkworkError(f"the duration of a run must be positive and finite, not {duration} s")
-    if max_steps < 1:
-        raise LinkworkError(f"max_steps must be at least 1, not {max_steps}")
-
-
-def require_cover(what: str, signal: Signal, start: float, stop: float) -> None:
-    """Refuse forces that are not known over the whole run."""
-    if not signal.covers(start, stop):
-        first, last = signal.span
-        raise LinkworkError(
-            f"{what} are sampled from {first:g} s to {last:g} s, but the run goes from {start:g} "
-            f"s to {stop:g} s: give samples for the whole run"
-        )
-
-
-def _require_positive(name: str, value: float) -> None:
-    if not value > 0:
-        raise LinkworkError(f"{name} must be positive, not {value}")
+    return (
+        numbers_of("the held inputs", control.held),
+        float(control.period),
+        first,
+        control.address,
+    )

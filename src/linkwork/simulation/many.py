@@ -18,14 +18,9 @@ from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 from linkwork.simulation import lane_tables as rows
+from linkwork.simulation.admission import require_cover, require_run, times_within, tolerances
 from linkwork.simulation.events import Events
-from linkwork.simulation.integration import (
-    require_cover,
-    require_run,
-    stability,
-    times_within,
-    tolerances,
-)
+from linkwork.simulation.integration import stability
 from linkwork.simulation.signals import Sampled, Signal, as_signal
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE, Tableau

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from linkwork.simulation import Control, Status, Trajectory
-from linkwork.simulation.integration import Problem, entry
+from linkwork.simulation.integration import Problem, TimeSpan, entry
 from linkwork.simulation.native_loop import LoopOutcome
 from linkwork.simulation.native_memory import INTEGRATION
 from linkwork.simulation.native_parts import Room
@@ -30,16 +28,15 @@ RHYTHM = "step", "growth", "longest", "ideal"
 class NativeRun:
     """Hold a run that stands between two steps, in one chart.
 
-    problem, y, and what follows: as `simulation.integration.entry` takes them
+    problem, y, span: as `simulation.integration.entry` takes them
     table: the inputs over time, `Signal.table`, to which forces may be written
     """
 
-    def __init__(self, problem: Problem, y: np.ndarray, nq: int, table: np.ndarray, **stands: Any):
-        self.given = list(entry(problem, y, nq, save_at=np.empty(0), **stands))
+    def __init__(self, problem: Problem, y: np.ndarray, span: TimeSpan, table: np.ndarray):
+        self.given = list(entry(problem, y, span))
         self.given[INPUTS] = table
-        self.problem, self.nq, self.n = problem, nq, y.size
-        self.bound: float = stands["pivot_bound"]
-        self.control: Control | None = stands["control"]
+        self.problem, self.nq, self.n = problem, span.nq, y.size
+        self.bound, self.control = span.pivot_bound, span.control
         self.memory, self.rows, status = prepare(*self.given)
         self.status = Status(status)
         self.counts = self.memory.view(np.int64)

@@ -38,6 +38,7 @@ from linkwork.simulation import (
     Status,
     Trajectory,
 )
+from linkwork.simulation.integration import TimeSpan
 from linkwork.simulation.variables import Deferred
 from linkwork.stepping.endless import Endless
 from linkwork.stepping.errors import StepError
@@ -293,19 +294,10 @@ class Stepper:
     def _enter(self, passage: Endless, stand: Stand, pace: Pace | None = None) -> None:
         """Go on from a stand: in its chart, under its bound of the pivot."""
         problem = passage.problem(stand.chart, stand.method, self._system.inputs)
-        begun = NativeRun(
-            problem,
-            np.concatenate((stand.q, stand.v)),
-            stand.q.size,
-            self._table,
-            start=stand.t,
-            stop=stand.t + self.dt,
-            pivot_bound=stand.bound,
-            steps=self._settings.max_steps,
-            first_step=pace,
-            control=stand.control,
-            turns=stand.turns,
-        )
+        span = stand.t, stand.t + self.dt, stand.bound, self._settings.max_steps
+        going_on = np.empty(0), pace, stand.control, stand.turns
+        y, covered = np.concatenate((stand.q, stand.v)), TimeSpan(stand.q.size, *span, *going_on)
+        begun = NativeRun(problem, y, covered, self._table)
         if begun.status is not Status.FINISHED:
             message = begun.trajectory(begun.status).message
             raise StepError(message, begun.status, stand.t)

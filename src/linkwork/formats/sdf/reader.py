@@ -36,7 +36,7 @@ from linkwork.mechanism import (
     Tool,
 )
 from linkwork.mechanism.body import rigid
-from linkwork.mechanism.mechanism import neighbours, reached
+from linkwork.mechanism.consistency import neighbours, reached
 from linkwork.solids.solid import Solid
 
 LATEST = "1.12"
