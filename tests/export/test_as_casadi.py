@@ -13,13 +13,16 @@ def test_casadi_takes_the_functions(tmp_path):
     A = ca.densify(ca.horzcat(ca.sin(x) * p[0], ca.fmax(x, p[1]), ca.sqrt(x**2 + 1)))
     one = ca.Function("one", [x, p], [A, ca.sumsqr(x)], ["x", "p"], ["A", "s"])
     two = ca.Function("two", [x], [ca.cos(x)], ["x"], ["c"])
-    source, header = as_casadi([one, two], "odd name 1")
+    wide = ca.diag(ca.vertcat(*[x * k for k in range(1, 14)])) + 1  # 1,482 ones
+    sparse = ca.Function("sparse", [x], [ca.densify(wide)], ["x"], ["D"])
+    source, header = as_casadi([one, two, sparse], "odd name 1")
     (tmp_path / "odd name 1.c").write_text(source)
     (tmp_path / "odd name 1.h").write_text(header)
     library = tmp_path / "own.so"
     given = ["-shared", "-fPIC", "-o", library, tmp_path / "odd name 1.c", "-lm"]
     run([*compiler("gcc"), *STRICT, "-Wmissing-prototypes", *given])
-    for function, values in ((one, ([0.1, -2.0, 3.0], [2.0, 0.5])), (two, ([0.1, -2.0, 3.0],))):
+    here = [0.1, -2.0, 3.0]
+    for function, values in ((one, (here, [2.0, 0.5])), (two, (here,)), (sparse, (here,))):
         own = ca.external(function.name(), str(library))
         assert own.name_in() == function.name_in() and own.name_out() == function.name_out()
         for found, wanted in zip(own.call(values), function.call(values), strict=True):

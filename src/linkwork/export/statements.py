@@ -99,8 +99,9 @@ def functions_text(
     parts, calls = [], []
     kept = [f"    lw_real kept[{plan.slots}];"] if plan.slots else []
     memory = ["lw_real *LW_RESTRICT kept"] if plan.slots else []
+    fixed = [*body.fixed()]
     if not plan.apart:
-        lines = [line for section in plan.sections for line in body.section(section)]
+        lines = [line for section in plan.sections for line in body.section(section)] + fixed
         return _function(name, [*inputs, *outputs], [*kept, *lines], given)
     for k, section in enumerate(plan.sections):
         own = f"{name}_{k}"
@@ -108,7 +109,8 @@ def functions_text(
         lines = [*body.section(section)]
         parts.append(_function(own, [*inputs, *outputs, *memory], lines, [*given, "kept"]))
         calls.append(f"    {own}({', '.join([*given, *(['kept'] if memory else [])])});")
-    return "\n".join([*parts, _function(name, [*inputs, *outputs], [*kept, *calls], given)])
+    lines = [*kept, *calls, *fixed]
+    return "\n".join([*parts, _function(name, [*inputs, *outputs], lines, given)])
 
 
 def _function(name: str, parameters: Sequence[str], lines: Sequence[str], given: list[str]) -> str:
@@ -137,6 +139,11 @@ class _Body:
     def forget(self) -> None:
         """Begin a function of its own: what was computed is in memory now."""
         self.made = set()
+
+    def fixed(self) -> Iterator[str]:
+        """Yield the statements of results that are constants and no section writes."""
+        for place, value in self.plan.fixed.items():
+            yield f"    {self.outputs[place]} = {self.dialect.constant(value)};"
 
     def section(self, section: Section) -> Iterator[str]:
         """Yield the statements of a section, with its sines and cosines."""
