@@ -62,8 +62,8 @@ def load(f: ca.Function, program: Callable[[], Program], kind: Kind) -> Module:
 
 @contextmanager
 def uncollected() -> Iterator[None]:
-    """Keep Python from looking for cycles: a program is many small objects, without any, which it
-    would go through again and again."""
+    """Keep Python from looking for cycles: what is compiled is many small objects, nearly all in
+    use, which it would go through again and again."""
     enabled = gc.isenabled()
     gc.disable()
     try:

@@ -29,6 +29,7 @@ from numba.core.registry import cpu_target
 from numba.core.typed_passes import NativeLowering
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 
+from linkwork.kernels.module import uncollected
 from linkwork.patience import ongoing
 
 TAUGHT: list[FunctionType] = []  # what generates the code of operators that Numba is taught here
@@ -134,7 +135,7 @@ def compiled_once(what: str, signature) -> Callable[[Callable], Dispatcher]:
     """
 
     def decorate(function: Callable) -> Dispatcher:
-        with event.install_listener("numba:compile", _Announcer(what)):
+        with uncollected(), event.install_listener("numba:compile", _Announcer(what)):
             dispatcher = _cached(function, signature) or _uncached(what, function, signature)
         dispatcher.disable_compile()
         return dispatcher
