@@ -3,7 +3,7 @@ unseen is read anew each time."""
 
 import cmath
 import math as plain
-from functools import partial
+from functools import partial, wraps
 
 import numpy as np
 import pytest
@@ -131,7 +131,24 @@ def writing(t, state):
     return [1.0]
 
 
+def counting():
+    count = 0
+
+    def counted(t, state):
+        nonlocal count
+        count = 5
+        return [1.0]
+
+    return counted
+
+
+endless: list = []
+endless.append(endless)
 robot_of = lw.Robot
+
+
+class Tuned(lw.Sampled):
+    """A signal of the user's own."""
 
 
 @pytest.mark.parametrize(
@@ -139,6 +156,11 @@ robot_of = lw.Robot
     [
         Counter(),
         Counter().law,
+        counting(),
+        Tuned([0.0, 1.0], [1.0, 2.0]),
+        lambda t, state: endless,
+        lambda t, state: [np.geterr()["over"] == "warn"],
+        lambda t, state: [float(np.datetime64("now").astype(int))],
         importing,
         writing,
         lambda t, state: [Counter.gain],
@@ -159,6 +181,88 @@ def test_what_may_change_unseen_is_open(function):
 
 
 def test_large_and_odd_arrays_are_open():
-    for array in (np.zeros(2**18), np.array([object()]), np.ma.array([1.0])):
+    several = [np.zeros(2**14) for _ in range(9)]
+    masked, objects = np.ma.array([1.0]), np.array([object()])
+    for array in (np.zeros(2**18), several, [0.0] * 2**15, objects, masked):
         with pytest.raises(Open):
             told(array)
+
+
+def test_a_function_in_the_guise_of_a_librarys_is_read(monkeypatch):
+    for own in (plain.sin, math.sin):
+
+        @wraps(own)
+        def scaled_too(x):
+            return gain * x
+
+        monkeypatch.undo()
+        before = key(lambda t, state, of=scaled_too: [of(t)])
+        monkeypatch.setitem(globals(), "gain", 3.0)
+        assert key(lambda t, state, of=scaled_too: [of(t)]) != before
+        monkeypatch.setattr(np.linalg, "norm", wraps(np.linalg.norm)(scaled_too))
+        with pytest.raises(Open):
+            told(lambda t, state: [np.linalg.norm(t)])
+
+
+def test_names_of_fields_count():
+    own = np.array([(1.0, 2.0)], dtype=[("first", "f8"), ("second", "f8")])
+    before = key(lambda t, state: own["first"])
+    own.dtype.names = "second", "first"
+    assert key(lambda t, state: own["first"]) != before
+
+
+def test_attributes_of_functions_count():
+    for own in (partial(scaled, 1.0), lambda x: x):
+        keys = set()
+        for own.factor in (1.0, 2.0):
+            keys.add(key(lambda t, state, own=own: [own.factor]))
+        assert len(keys) == 2
+
+
+def test_what_builtins_a_function_was_made_with_counts():
+    built = {"__builtins__": {"abs": lambda x: gain * x}}
+    exec("def law(t, state): return [abs(t)]", built)
+    before = key(built["law"])
+    built["__builtins__"]["abs"] = scaled
+    assert key(built["law"]) != before
+
+
+def test_numbers_of_signals_count():
+    signal = lw.Sampled(np.array([0.0, 1.0]), np.array([1.0, 2.0]))
+    before = key(lambda t, state: signal.values[0])
+    signal.values[0] = 3.0
+    assert key(lambda t, state: signal.values[0]) != before
+
+
+def test_slices_count_by_what_they_hold():
+    ends = np.zeros(2000)
+    own = slice(ends)
+    before = key(lambda t, state: own)
+    ends[1000] = 1.0
+    assert key(lambda t, state: own) != before
+
+
+def test_numbers_of_any_length_are_read():
+    assert key(lambda t, state, x=10**5000: [x]) != key(lambda t, state, x=10**5000 + 1: [x])
+
+
+def test_functions_that_share_others_are_read_in_no_time():
+    made = {"f0": scaled, "f1": scaled}
+    for k in range(2, 60):
+        exec(f"def f{k}(x): return f{k - 1}(x) + f{k - 2}(x)", made)
+    assert told(made["f59"]) == told(made["f59"])
+    before = key(made["f59"])
+    made["f1"] = abs
+    assert key(made["f59"]) != before
+
+
+def test_the_order_of_functions_counts():
+    def first(x):
+        return x
+
+    def second(x):
+        return 2 * x
+
+    several = {first, second}
+    a, b = (partial(law, several, each) for each in (first, second))
+    assert key(a) != key(b)

@@ -119,6 +119,34 @@ def test_controllers_are_traced_once_until_their_numbers_change(robot, traces):
     assert reached(robot, PD({"slide": 0.1}, gains, 2.0)) == pytest.approx(stiffer / 2, rel=1e-6)
 
 
+def test_a_goal_by_name_may_change(robot, traces):
+    goal = {"slide": 0.2}
+    pd = PD(goal, 30.0, 2.0)
+    first = reached(robot, pd)
+    goal["slide"] = 0.4
+    assert reached(robot, pd) == pytest.approx(2 * first, rel=1e-6)
+    goal["slide"] = 0.2
+    assert reached(robot, pd) == first
+
+
+class Goal:
+    """A goal of the user's own, which changes unseen."""
+
+    x = 0.2
+
+    def __getitem__(self, name):
+        return self.x
+
+
+def test_a_goal_of_the_users_own_is_asked_in_every_run(robot, traces):
+    goal = Goal()
+    pd = PD(goal, 30.0, 2.0)
+    first = reached(robot, pd)
+    goal.x = 0.4
+    assert reached(robot, pd) == pytest.approx(2 * first, rel=1e-6)
+    assert len(traces) == 2
+
+
 def test_parameters_are_no_part_of_a_trace(robot, traces):
     pd = PD({"slide": 0.2}, 30.0, 2.0)
     found = [reached(robot, pd, parameters={"kp": kp}) for kp in (30.0, 60.0)]

@@ -4,15 +4,16 @@ Its code reads by name: captured variables, globals, builtins, and attributes of
 chain of names leads. Functions with equal code, defaults and values of these do the same. Read are
 numbers, text, arrays and containers of them as they are now, functions of the user's own by what
 they read in turn, and functions of `math`, NumPy and `linkwork.math` as such. All else may change
-unseen: an object of the user's own, a random source, a file. Such a function is `Open`.
+unseen: an object of the user's own, a random source, a file, the clock. Such a function is `Open`;
+so is one that writes what it captured, and one that reads more than is worth comparing.
 """
 
 from __future__ import annotations
 
-import builtins
 import dis
+import sys
 from collections.abc import Hashable, Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import lru_cache, partial
 from itertools import takewhile
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
@@ -20,20 +21,27 @@ from typing import Any
 
 import numpy as np
 
-from linkwork.simulation import Sampled, Signal
+from linkwork.control.records import of_package
 
-PACKAGE = __name__.partition(".")[0]
-LARGE = 2**20  # bytes of an array from which on it is not compared
-PLAIN = bool, int, float, complex, str, bytes, type(None), slice, range
+LARGE = 2**20  # bytes of all that is read, from which on it is not compared
+ENTRY = 64  # bytes that a number among them counts, at least
+PLAIN = bool, int, str, bytes, type(None)
+BY_DIGITS = float, complex, range  # equal ones may differ: 0.0 and -0.0
 LIBRARIES = "math", "cmath", "numpy", "numpy.linalg", "linkwork.math"
-FILES = "load", "loadtxt", "genfromtxt", "fromfile", "fromregex", "memmap"
+PACKAGES = {name.partition(".")[0] for name in LIBRARIES}
+OUTSIDE = {
+    *("load", "loadtxt", "genfromtxt", "fromfile", "fromregex", "memmap", "datetime64"),
+    *("geterr", "seterr", "geterrcall", "seterrcall", "getbufsize", "setbufsize"),
+    *("get_printoptions", "set_printoptions"),
+}
 MEMORYLESS = {
     *(abs, all, any, bool, complex, dict, divmod, enumerate, filter, float, frozenset, int),
     *(isinstance, len, list, map, max, min, pow, range, reversed, round, set, slice, sorted),
     *(str, sum, tuple, zip),
 }
-FUNCTIONS = type, FunctionType, BuiltinFunctionType, type(np.dot)
+FUNCTIONS = type, FunctionType, BuiltinFunctionType, type(np.dot), np.ufunc
 GLOBAL, CELL = "LOAD_GLOBAL", "LOAD_DEREF"
+WRITTEN = "STORE_DEREF", "DELETE_DEREF"
 FURTHER = "LOAD_ATTR", "LOAD_METHOD"
 ELSEWHERE = {"IMPORT_NAME", "STORE_GLOBAL", "DELETE_GLOBAL", "LOAD_NAME", "LOAD_BUILD_CLASS"}
 MISSING = object()
@@ -45,25 +53,47 @@ class Open(Exception):
     """What is read may change without being seen."""
 
 
-def captured(function: FunctionType, within: tuple[FunctionType, ...] = ()) -> Hashable:
-    """Return what tells a function from others that do something else.
+@dataclass
+class Met:
+    """What was met while reading: functions, by their places, and how many bytes of values."""
 
-    within: the functions that read it.
+    functions: dict[FunctionType, int] = field(default_factory=dict)
+    size: int = 0
+
+    def count(self, size: int) -> None:
+        """Count what is read; refuse too much."""
+        self.size += max(size, ENTRY)
+        if self.size > LARGE:
+            raise Open
+
+
+def told(value: Any) -> Hashable:
+    """Return what tells a value from others.
 
     Raises:
-        Open: it reads what may change unseen.
+        Open: it may change unseen, or is too large to compare.
     """
-    if function in within:
-        return within.index(function)
-    within += (function,)
+    try:
+        return told_in(Met(), value)
+    except RecursionError:  # a container of itself
+        raise Open from None
+
+
+def captured(met: Met, function: FunctionType) -> Hashable:
+    """Return what tells a function from others that do something else: where it was met before, its
+    place."""
+    if function in met.functions:
+        return met.functions[function]
+    met.functions[function] = len(met.functions)
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     closure = {name: content(cell) for name, cell in cells}
+    scopes = function.__globals__, function.__builtins__
     given = function.__defaults__, function.__kwdefaults__, vars(function)
     read = [
-        told(reached(chain, closure if opcode == CELL else function.__globals__), within)
+        told_in(met, reached(chain, *((closure,) if opcode == CELL else scopes)))
         for opcode, chain in chains(function.__code__)
     ]
-    return function.__code__, told(given, within), *read
+    return function.__code__, told_in(met, given), *read
 
 
 def content(cell: Any) -> Any:
@@ -74,10 +104,11 @@ def content(cell: Any) -> Any:
         return MISSING
 
 
-def reached(chain: Chain, names: dict[str, Any]) -> Any:
-    """Return what a name leads to, with the attributes behind it as long as it is a module."""
+def reached(chain: Chain, *scopes: dict[str, Any]) -> Any:
+    """Return what a name leads to in the first scope that has it, with the attributes behind it as
+    long as it is a module."""
     name, *others = chain
-    found = names.get(name, getattr(builtins, name, MISSING))
+    found = next((scope[name] for scope in scopes if name in scope), MISSING)
     for other in others:
         if not isinstance(found, ModuleType):
             break
@@ -89,7 +120,7 @@ def reached(chain: Chain, names: dict[str, Any]) -> Any:
 def chains(code: CodeType) -> tuple[tuple[str, Chain], ...]:
     """Return what code reads by name, and functions that it makes: how, and the chain of names."""
     found = dict.fromkeys(read_in(code))
-    if any(opcode in ELSEWHERE for opcode, _ in found):
+    if any(opcode in ELSEWHERE or opcode in WRITTEN for opcode, _ in found):
         raise Open
     return tuple(found)
 
@@ -100,51 +131,68 @@ def read_in(code: CodeType) -> Iterator[tuple[str, Chain]]:
     for place, step in enumerate(steps):
         if step.opname in ELSEWHERE:
             yield step.opname, ()
+        if step.opname in WRITTEN and step.argval in code.co_freevars:
+            yield step.opname, (step.argval,)
         if step.opname == GLOBAL or (step.opname == CELL and step.argval in code.co_freevars):
             behind = takewhile(lambda own: own.opname in FURTHER, steps[place + 1 :])
             yield step.opname, (step.argval, *(own.argval for own in behind))
     for inner in code.co_consts:
         if isinstance(inner, CodeType):
             for opcode, chain in read_in(inner):
-                if opcode != CELL or chain[0] in code.co_freevars:
+                if opcode not in (CELL, *WRITTEN) or chain[0] in code.co_freevars:
                     yield opcode, chain
 
 
-def told(value: Any, within: tuple[FunctionType, ...] = ()) -> Hashable:
-    """Return what tells a value from others; refuse one that may change unseen."""
+def told_in(met: Met, value: Any) -> Hashable:
+    """Return what tells a value from others, behind what was met."""
     kind = type(value)
-    if kind in PLAIN:
-        return kind, repr(value)
+    # Numbers, text and arrays as they are now.
+    if kind in PLAIN or kind in BY_DIGITS:
+        met.count(sys.getsizeof(value))
+        return kind, repr(value) if kind in BY_DIGITS else value
     if isinstance(value, np.ndarray | np.generic):
-        if value.dtype.hasobject or value.nbytes > LARGE or kind.__module__ != "numpy":
+        if value.dtype.hasobject or kind.__module__ != "numpy":
             raise Open
-        return kind, value.shape, value.dtype.str, value.tobytes()
-    if kind in (list, tuple):
-        return kind, *(told(each, within) for each in value)
-    if kind in (set, frozenset):
-        return kind, frozenset(told(each, within) for each in value)
+        met.count(value.nbytes)
+        return kind, value.shape, repr(value.dtype), value.tobytes()
+    # What holds others.
+    if kind in (list, tuple, set, frozenset):
+        met.count(sys.getsizeof(value))
+        return kind, *(told_in(met, each) for each in value)
     if kind is dict:
-        pairs = ((told(name, within), told(of, within)) for name, of in value.items())
-        return kind, *pairs
-    if isinstance(value, Sampled | Signal) or value is MISSING or memoryless(value):
-        return value
+        return kind, told_in(met, list(value.items()))
+    if kind is slice:
+        return kind, told_in(met, (value.start, value.stop, value.step))
     if kind is partial:
-        return kind, told((value.func, value.args, value.keywords), within)
+        return kind, told_in(met, (value.func, value.args, value.keywords, vars(value)))
+    # What does, and is, the same for ever.
+    if value is MISSING or memoryless(value):
+        return value
     if isinstance(value, FunctionType):
-        return captured(value, within)
-    if is_dataclass(kind) and kind.__module__.partition(".")[0] == PACKAGE:
+        return captured(met, value)
+    if of_package(value) and frozen(kind):
         own = (getattr(value, field.name) for field in fields(value) if field.init)
-        return value, *(told(each, within) for each in own)
+        return value, *(told_in(met, each) for each in own)
     raise Open
+
+
+def frozen(kind: Any) -> bool:
+    """Tell whether a class is one of data that do not change."""
+    return is_dataclass(kind) and kind.__dataclass_params__.frozen  # pyright: ignore
 
 
 def memoryless(value: Any) -> bool:
     """Tell whether a value is a function, or a type, that always does the same."""
-    if isinstance(value, np.ufunc):
-        return getattr(np, value.__name__, None) is value
     if isinstance(value, type | BuiltinFunctionType) and value in MEMORYLESS:
         return True
-    if not isinstance(value, FUNCTIONS) or value.__module__ not in LIBRARIES:
+    if not isinstance(value, FUNCTIONS) or value.__name__ in OUTSIDE:
         return False
-    bound = getattr(value, "__self__", None)
-    return value.__name__ not in FILES and (bound is None or isinstance(bound, ModuleType))
+    found = (getattr(sys.modules.get(name), value.__name__, None) for name in LIBRARIES)
+    return any(each is value for each in found) and written_there(value)
+
+
+def written_there(value: Any) -> bool:
+    """Tell whether a function of a library is its own, and none of the user's in its place."""
+    if isinstance(value, FunctionType):  # its code's module: `functools.wraps` copies its own
+        return value.__globals__.get("__name__", "").partition(".")[0] in PACKAGES
+    return isinstance(value, np.ufunc) or value.__module__ in LIBRARIES

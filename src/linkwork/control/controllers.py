@@ -29,7 +29,7 @@ from linkwork.control.goals import DesiredMotion, Goal, target
 from linkwork.control.inverse_dynamics import InverseDynamics
 from linkwork.control.observation import Names, Observation
 from linkwork.control.plant import Plant
-from linkwork.control.records import ActingPart, Number, described, number
+from linkwork.control.records import ActingPart, Number, described, number, of_package
 from linkwork.errors import LinkworkError
 from linkwork.moved import warn
 
@@ -84,18 +84,28 @@ class Follower(Controller):
     or a signal of them."""
 
     goal: Goal
-    _targets: dict[Names, DesiredMotion] = field(default_factory=dict, init=False, repr=False)
+    _targets: dict[Names, tuple[Any, DesiredMotion]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @classmethod
     def led(cls, goal: Goal, **given: Any) -> Self:
         return cls(goal, **given)
 
+    def asked(self, names: Names) -> DesiredMotion:
+        """Return what the goal asks of a robot: found once, but anew where it changed, or may
+        have."""
+        goal = self.goal
+        now = dict(goal) if isinstance(goal, Mapping) else None
+        kept = self._targets.get(names)
+        if kept is None or kept[0] != now or not (now or of_package(goal)):
+            kept = self._targets[names] = now, target(goal, names)
+        return kept[1]
+
     def errors(self, t: Any, state: Observation) -> tuple[Any, Any, Any]:
         """Return e, e' and x_d'' (na each)."""
         names = state.names
-        if names not in self._targets:
-            self._targets[names] = target(self.goal, names)
-        x_d, dx_d, ddx_d = self._targets[names].at(t)
+        x_d, dx_d, ddx_d = self.asked(names).at(t)
         x, dx = (
             math.array([read(name) for name in names.actuators])
             for read in (state.__getitem__, state.rate)

@@ -22,13 +22,14 @@ from linkwork.control.controllers import Controller
 from linkwork.control.drives import Drive
 from linkwork.control.events import Event
 from linkwork.control.observation import Names
-from linkwork.control.records import ActingPart
+from linkwork.control.records import ActingPart, of_package
 from linkwork.control.sampler import Sampler
 from linkwork.control.tracing import Law
 from linkwork.control.wrenches import Wrench
 from linkwork.simulation import Sampled, Signal
 
 KEPT = 64  # traces
+PLAIN = "builtins", "numpy"  # whose objects are numbers or text, where they have a hash
 
 
 @dataclass(frozen=True)
@@ -74,14 +75,14 @@ def value(part: Any) -> Any:
     """
     if isinstance(part, Mapping):
         return tuple((name, value(of)) for name, of in part.items())
-    if isinstance(part, np.ndarray):
-        return part.shape, part.dtype.str, part.tobytes()
     if isinstance(part, list | tuple):
         return tuple(map(value, part))
     if isinstance(part, ActingPart):
         return part_value(part)
-    if callable(part) and not isinstance(part, Sampled | Signal):
+    if isinstance(part, np.ndarray) or (callable(part) and not isinstance(part, Sampled | Signal)):
         return told(part)
+    if not of_package(part) and type(part).__module__ not in PLAIN:
+        raise Open
     return part
 
 

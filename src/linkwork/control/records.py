@@ -79,4 +79,9 @@ class ActingPart:
     @property
     def settled(self) -> bool:
         """Whether it is data: whether its class is one of this package."""
-        return type(self).__module__.partition(".")[0] == PACKAGE
+        return of_package(self)
+
+
+def of_package(value: Any) -> bool:
+    """Tell whether a value's class is one of this package."""
+    return type(value).__module__.partition(".")[0] == PACKAGE
