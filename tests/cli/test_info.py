@@ -126,12 +126,12 @@ def test_limits_springs_gears_and_actuated_freedoms_are_told(capsys, without_ker
             "hinge": lw.RevoluteJoint(
                 connects=("ground", "arm"),
                 axis=(1, 0, 0),
-                limits=lw.Limits(lower=-1, upper=2),
+                limits=lw.Limits(lower=-1, upper=2, speed=4),
                 spring=lw.Spring(stiffness=3),
             ),
             "tube": lw.CylindricalJoint(
                 connects=("arm", "sleeve"),
-                limits={"slide": lw.Limits(upper=0.5)},
+                limits={"slide": lw.Limits(upper=0.5), "angle": lw.Limits(speed=3)},
                 spring={"slide": lw.Spring(stiffness=40)},
             ),
             "knob": lw.SphericalJoint(
@@ -149,7 +149,9 @@ def test_limits_springs_gears_and_actuated_freedoms_are_told(capsys, without_ker
     robot = lw.Robot(mechanism)
     text = told(robot, capsys)
     assert (
-        fact(text, "limits") == "hinge from -1 to 2 rad; tube.slide to 0.5 m; knob.turn to 1.5 rad"
+        fact(text, "limits")
+        == "hinge from -1 to 2 rad; hinge at most 4 rad/s; tube.slide to 0.5 m; "
+        "tube.angle at most 3 rad/s; knob.turn to 1.5 rad"
     )
     assert (
         fact(text, "springs") == "hinge 3 N m/rad; tube.slide 40 N/m; coil (ground - ball) 500 N/m"

@@ -53,6 +53,12 @@ def test_a_mass_coasts_at_its_limit_of_speed(cart, ends):
     exact = WAY / 0.8 + MASS * 0.8 / FORCE
     assert exact < found.duration < 1.005 * exact
     assert found.used["speed"] < 1 + 1e-6
+    slide = cart.mechanism.joints["slide"].model_copy(update={"limits": lw.Limits(speed=0.8)})
+    slow = lw.Robot(cart.mechanism.model_copy(update={"joints": {"slide": slide}}))
+    limits = motions.ActuatorLimits(force=FORCE)
+    again = design.optimal_motion(slow, *ends, limits, intervals=40)
+    assert again.duration == pytest.approx(found.duration, rel=1e-9)
+    assert again.used["speed"] == pytest.approx(found.used["speed"], rel=1e-6)
 
 
 def test_a_mass_moved_with_the_least_effort(cart, ends):

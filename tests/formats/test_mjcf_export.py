@@ -388,6 +388,9 @@ NOTED = {
     "Coulomb friction is written as frictionloss": pendulum(
         RevoluteJoint(connects=("ground", "bob"), friction=Friction(coulomb=0.1))
     ),
+    "limits of speed are left out": pendulum(
+        RevoluteJoint(connects=("ground", "bob"), limits=Limits(speed=1.0))
+    ),
     "limits are stops in MuJoCo": pendulum(
         RevoluteJoint(connects=("ground", "bob"), limits=Limits(upper=1.0))
     ),

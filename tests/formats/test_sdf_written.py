@@ -52,6 +52,28 @@ def test_screws_universal_joints_gears_and_what_acts(tmp_path):
     )
 
 
+def test_limits_of_speed_come_back(tmp_path):
+    """Also where one axis of two has a limit alone, and the other is without."""
+    ball = lw.Body(mass=1, inertia=lw.Inertia(xx=1, yy=1, zz=1))
+    limits = {"angle_1": Limits(speed=2.5), "angle_2": Limits(lower=-1, upper=1)}
+    joints = {
+        "cross": lw.UniversalJoint(
+            connects=("ground", "a"), axes=((1, 0, 0), (0, 1, 0)), limits=limits
+        ),
+        "hinge": lw.RevoluteJoint(connects=("a", "b"), limits=Limits(speed=4)),
+    }
+    save(lw.Mechanism(bodies={"a": ball, "b": ball}, joints=joints), tmp_path / "arm.sdf")
+    back = load(tmp_path / "arm.sdf").mechanism.joints
+    for name, joint in joints.items():
+        for freedom, effects in joint.effects().items():
+            assert back[name].effects()[freedom].limits == effects.limits
+    one = (tmp_path / "arm.sdf").read_text()
+    bare = re.sub(r"(<axis2>.*?)<limit>.*?</limit>(.*?</axis2>)", r"\1\2", one, flags=re.S)
+    (tmp_path / "bare.sdf").write_text(bare)
+    cross = load(tmp_path / "bare.sdf").mechanism.joints["cross"]
+    assert cross.limits == {"angle_1": limits["angle_1"]}
+
+
 def test_an_axis_of_a_late_version_is_in_the_frame_of_its_joint(tmp_path):
     """1.11 is later than 1.5, though less as a number."""
     text = (

@@ -82,12 +82,11 @@ def test_what_an_arm_says_of_itself(tmp_path):
     imported = read(samples.URDF, tmp_path)
     mechanism = imported.mechanism
     assert mechanism.name == "arm"
-    assert mechanism.joints["shoulder"].limits == Limits(lower=-2, upper=2.5)
+    assert mechanism.joints["shoulder"].limits == Limits(lower=-2, upper=2.5, speed=3)
     assert mechanism.joints["elbow"].limits == Limits()
     assert mechanism.tools["tool0"].body == "pod"
     assert "pod" in mechanism.bodies and "tool0" not in mechanism.bodies
-    first, second, speed, third = imported.notes
-    assert "bounds the velocity" in speed
+    first, second, third = imported.notes
     assert third.startswith("arm.urdf: limits of effort and reductions are the mechanism's drives")
     assert mechanism.drives["shoulder"] == {"type": "saturated", "limit": 10}
     assert first == (
@@ -459,10 +458,22 @@ def test_a_pair_that_is_not_whole_drives_what_is_there(tmp_path):
     assert any("does not lead from two motors to two hinges" in note for note in imported.notes)
 
 
-@pytest.mark.parametrize(("velocity", "told"), [("2", True), ("0", False), ("1e60", False)])
-def test_limits_of_velocity_are_told(velocity, told, tmp_path):
-    notes = read(arm(first=f'<limit effort="1" velocity="{velocity}"/>'), tmp_path).notes
-    assert any("bounds the velocity" in note for note in notes) == told
+@pytest.mark.parametrize(
+    ("velocity", "speed"), [("2", 2), ("0", None), ("-1", None), ("1e60", None), ("fast", None)]
+)
+def test_limits_of_velocity_are_limits_of_speed(velocity, speed, tmp_path):
+    """Written, they are the same again: of what has ends as of what has none."""
+    limit = f'<limit lower="-1" upper="2" velocity="{velocity}"/>'
+    imported = read(arm(first=limit), tmp_path)
+    assert imported.mechanism.joints["j"].limits == Limits(lower=-1, upper=2, speed=speed)
+    assert not any("velocity" in note for note in imported.notes)
+    free = lw.RevoluteJoint(connects=("ground", "b"), limits=Limits(speed=speed))
+    ball = lw.Body(mass=1, inertia=lw.Inertia(xx=1, yy=1, zz=1))
+    mechanism = lw.Mechanism(bodies={"b": ball}, joints={"turn": free})
+    path = tmp_path / "turn.urdf"
+    lw.formats.save(mechanism, path)
+    assert load(path).mechanism.joints["turn"].limits == free.limits
+    assert ("<limit" in path.read_text()) == (speed is not None)
 
 
 def test_rotors_behind_gears_add_to_the_inertia(tmp_path):

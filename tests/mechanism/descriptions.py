@@ -102,7 +102,12 @@ frames = st.builds(Frame, position=vectors, rotation=vectors)
 two_frames = st.just((Frame(), Frame())) | st.tuples(frames, frames)
 frictions = st.builds(Friction, viscous=non_negative, coulomb=non_negative, coulomb_rate=positive)
 springs = st.builds(Spring, stiffness=non_negative, rest=numbers, damping=non_negative)
-limits = st.builds(Limits, lower=st.none() | st.floats(-9, -1), upper=st.none() | st.floats(1, 9))
+limits = st.builds(
+    Limits,
+    lower=st.none() | st.floats(-9, -1),
+    upper=st.none() | st.floats(1, 9),
+    speed=st.none() | st.floats(0.1, 9),
+)
 
 
 def valid_name(text):

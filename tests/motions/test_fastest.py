@@ -49,6 +49,43 @@ def test_a_slide_is_driven_bang_bang_and_coasts_at_its_speed_limit(rail):
     assert duration(rail, *way, acceleration=2.0) == pytest.approx(2 * np.sqrt(WAY / 2), rel=1e-13)
 
 
+def test_the_description_limits_the_speed():
+    """What is given goes before it, and `follow` refuses what passes it."""
+    robot, way = slide(limits={"speed": 1.5}), ({"x": 0.0}, {"x": WAY})
+    for given, speed in (({}, 1.5), ({"speed": 1.0}, 1.0), ({"speed": {"x": 2.0}}, 2.0)):
+        coasting = WAY / speed + speed * MASS / FORCE
+        assert duration(robot, *way, force=FORCE, **given) == pytest.approx(coasting, rel=2e-5)
+    timed = motions.point_to_point(*way, ANY, law="quintic")
+    quick = motions.fastest(robot, timed, motions.ActuatorLimits(force=FORCE))
+    assert motions.follow(robot, quick, samples=777).joint_rates.max() <= 1.5 * (1 + 1e-9)
+    faster = motions.fastest(robot, timed, motions.ActuatorLimits(force=FORCE, speed=2.0))
+    with pytest.raises(
+        LinkworkError, match=r"^x is above its limit of speed 1\.5 from .*more time"
+    ):
+        motions.follow(robot, faster)
+    motions.follow(robot, faster, keep_limits=False)
+
+
+def test_a_passive_joint_keeps_to_its_limit_of_speed():
+    """Two wheels, the second 3 times as fast by a gear: the first coasts at a third of its
+    limit."""
+    wheel = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.5))
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"a": wheel, "b": wheel},
+            joints={
+                "x": lw.RevoluteJoint(connects=("ground", "a")),
+                "y": lw.RevoluteJoint(connects=("ground", "b"), limits={"speed": 1.5}),
+                "gear": lw.GearJoint(ratios={"y": 1, "x": -3}),
+            },
+            actuators=("x",),
+        )
+    )
+    inertia, speed = 0.5 + 9 * 0.5, 0.5
+    coasting = WAY / speed + speed * inertia / FORCE
+    assert duration(robot, {"x": 0.0}, {"x": WAY}, force=FORCE) == pytest.approx(coasting, rel=2e-5)
+
+
 def test_a_slide_at_constant_power(rail):
     """m v dv/dt = P from v_1 = P / F on: way m (v^3 - v_1^3) / 3 P, time m (v^2 - v_1^2) / 2 P."""
     power, way = 3.0, ({"x": 0.0}, {"x": WAY})

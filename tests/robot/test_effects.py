@@ -257,6 +257,32 @@ def test_limits_passed_are_reported_by_state_and_along_a_run():
     assert robot.limits_passed(stack) == ("joint is above its upper limit 0.5: it reaches 0.9",)
 
 
+def test_limits_of_speed_are_reported_by_state_and_along_a_run():
+    """Under 2 N per kg the rate is 2 t; a turn's limit is that of its whole angular velocity."""
+    robot = one_body(to_body(lw.PrismaticJoint, limits=lw.Limits(upper=9.0, speed=1.0)))
+    assert robot.limits_passed(robot.home.with_rates([1.0 + 1e-12])) == ()
+    assert robot.limits_passed(robot.home.with_rates([-1.5])) == (
+        "joint is above its limit of speed 1: it reaches 1.5",
+    )
+    robot = lw.Robot(robot.mechanism.model_copy(update={"actuators": ("joint",)}))
+    m = float(robot.mass_matrix(robot.home)[0, 0])
+    run = robot.simulate(robot.home, [2 * m], duration=1.0, save_at=np.linspace(0, 1, 11))
+    assert passed_limits(robot, run) == (
+        "joint is above its limit of speed 1 from t = 0.6 s on: it reaches 2",
+    )
+    ball = one_body(to_body(lw.SphericalJoint, limits={"turn": lw.Limits(speed=1.0)}))
+    for rate, passed in ((0.57, False), (0.58, True)):
+        told = ball.limits_passed(ball.home.with_rates(3 * [rate]))
+        assert bool(told) == passed
+    assert told == (f"joint.turn is above its limit of speed 1: it reaches {0.58 * 3**0.5:.6g}",)
+
+
+@pytest.mark.parametrize("speed", [0, -1.0, np.nan, np.inf, "fast"])
+def test_a_limit_of_speed_is_a_positive_number(speed):
+    with pytest.raises(lw.MechanismError, match=r"^speed: "):
+        lw.Limits(speed=speed)
+
+
 def test_the_limit_of_a_free_turn_is_the_angle_between_the_frames():
     limits = {"turn": lw.Limits(upper=0.5)}
     robot = one_body(to_body(lw.SphericalJoint, limits=limits))

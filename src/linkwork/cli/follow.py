@@ -77,7 +77,7 @@ def follow(
         motion = along(robot, path, "--path", duration, samples, start.state(robot), what)
         forces, reason = needed(robot, motion, files.forces is not None)
     written = files.write(robot, motion, forces)
-    beyond = passed(robot, motion.positions, motion.time)
+    beyond = passed(robot, motion.positions, motion.joint_rates, motion.time)
     # What it comes to, as plain data or as tables.
     data = extremes(robot, motion, forces)
     if as_json:

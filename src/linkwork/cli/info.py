@@ -9,7 +9,7 @@ from linkwork.checks import amount
 from linkwork.cli.catalogue import built
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience, show_json, table
-from linkwork.mechanism import GROUND, GearJoint, Joint, Limits
+from linkwork.mechanism import GROUND, GearJoint, Joint
 from linkwork.mechanism.joints import SLIDES, TYPES, OneFreedom
 from linkwork.robot import Robot
 
@@ -40,7 +40,8 @@ def structure(robot: Robot) -> dict[str, Any]:
 
     Keys: name, mobility, gruebler (what Gruebler's formula gives for it), planar, actuators,
     bodies, joints (name, type, connects two bodies, couples coordinates by ratios, role "tree",
-    "cut" or "gear", actuated rates, limits, spring stiffness by freedom), springs (between points:
+    "cut" or "gear", actuated rates, limits, speed_limits and
+    spring stiffness by freedom), springs (between points:
     name, connects, stiffness), loops, redundant (rows that depend on others), idle (freedoms that
     move one member only), quantities (values by name), chart (independent rates, kept
     rows, elimination).
@@ -83,8 +84,9 @@ def joint_facts(robot: Robot, name: str, joint: Joint) -> dict[str, Any]:
         "limits": {
             freedom: [own.limits.lower, own.limits.upper]
             for freedom, own in effects
-            if own.limits != Limits()
+            if own.limits.bounded
         },
+        "speed_limits": {freedom: own.limits.speed for freedom, own in effects if own.limits.speed},
         "stiffness": {
             freedom: own.spring.stiffness for freedom, own in effects if own.spring.stiffness
         },
@@ -196,6 +198,9 @@ def limits(joints: list[dict[str, Any]]) -> Iterator[str]:
                 f"{freedom_name(joint, freedom)} {' '.join(bounds)} "
                 f"{'m' if freedom in SLIDES else 'rad'}"
             )
+        for freedom, speed in joint["speed_limits"].items():
+            unit = "m/s" if freedom in SLIDES else "rad/s"
+            yield f"{freedom_name(joint, freedom)} at most {speed:g} {unit}"
 
 
 def springs(found: dict[str, Any]) -> Iterator[str]:

@@ -91,7 +91,8 @@ def optimal_motion(
     Args:
         robot: that moves; it may have fewer actuators than freedoms.
         start, end: states, whose rates are those there.
-        limits: of its actuators; they hold at the points of the mesh.
+        limits: of its actuators; they hold at the points of the mesh, and with them the limits of
+            speed of the description, as in `motions.fastest`.
         minimise: the "time"; or the "effort", the integral of u'u over a given duration, to which
             what motors lose is proportional.
         duration: T [s], of the least effort.
@@ -286,7 +287,7 @@ def simulated(
 
 def shares(robot: Robot, run: Run, forces: Sampled, limits: ActuatorLimits) -> dict[str, float]:
     """Return the largest part of each kind of limit that an actuator takes in a run."""
-    given, fine = limits.of(robot.actuators), run.resampled(FINE * (len(forces.times) - 1) + 1)
+    given, fine = limits.of_robot(robot), run.resampled(FINE * (len(forces.times) - 1) + 1)
     values = {"force": forces.values, "power": fine["actuator_power"].values}
     if {*robot.actuators} <= {*robot.rates}:
         places = [robot.rates.index(name) for name in robot.actuators]

@@ -23,6 +23,7 @@ from linkwork.analysis.square import of_joints
 from linkwork.design.judged_poses import joint_margins
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.limits import undriven_speeds
 from linkwork.model.state import State
 from linkwork.motions import ActuatorLimits
 from linkwork.robot import Robot
@@ -83,7 +84,7 @@ class MotionMesh:
         q, v = ca.SX.sym("q", equations.nq), ca.SX.sym("v", equations.mobility)
         u = ca.SX.sym("u", len(robot.actuators))
         # Rates and accelerations of the actuators, over their limits, both ways.
-        given, found = limits.of(robot.actuators), []
+        given, found = limits.of_robot(robot), []
         r = functions.actuation(equations)(q, p)[0] @ v
         shares = {"speed": r, "power": u * r}
         if np.isfinite(given["acceleration"]).any():
@@ -93,6 +94,7 @@ class MotionMesh:
         for kind, value in shares.items():
             for k in np.flatnonzero(np.isfinite(given[kind])).tolist():
                 found += [1 - value[k] / given[kind][k], 1 + value[k] / given[kind][k]]
+        found += speed_margins(robot, functions.joints_motion(equations)(q, v, 0 * v, p)[1])
         # Apart from where the independent rates cease to determine the motion.
         D = determinant(robot)
         if D is not None:
@@ -100,6 +102,14 @@ class MotionMesh:
             found.append(D(q, p) / here - apart)
         found += joint_margins(robot, q, ca.SX(p))
         return ca.Function("margins", [q, v, u], [ca.vertcat(ca.SX(0, 1), *found)], {"cse": True})
+
+
+def speed_margins(robot: Robot, rates: ca.SX) -> list[ca.SX]:
+    """Return 1 - |w|^2 / V^2 of what is no actuator and has a limit of speed in the description."""
+    return [
+        1 - ca.sumsqr(rates[[robot.rates.index(label) for label in labels]]) / speed**2
+        for labels, speed in undriven_speeds(robot.mechanism)
+    ]
 
 
 def determinant(robot: Robot) -> ca.Function | None:

@@ -21,7 +21,7 @@ from linkwork.equations.lengths import slides
 from linkwork.equations.mobility import free_motions
 from linkwork.equations.rubbing import rubbing
 from linkwork.equations.tree import Node, Tree
-from linkwork.mechanism import GROUND, Limits, Mechanism
+from linkwork.mechanism import GROUND, Mechanism
 
 LONGEST = 3  # joints inside a member that is looked at
 STILL = 1e-9  # motion that counts as none, relative to the largest
@@ -191,7 +191,7 @@ def limited_rates(mechanism: Mechanism) -> Iterator[str]:
     """Yield the rates of joints' freedoms that have limits."""
     for name, joint in mechanism.joints.items():
         for part in joint.parts(name):
-            yield from part.rates if part.effects.limits != Limits() else ()
+            yield from part.rates if part.effects.limits.bounded else ()
 
 
 def apart(chains: Sequence[Member]) -> list[Member]:

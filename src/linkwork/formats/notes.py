@@ -9,10 +9,6 @@ from __future__ import annotations
 from linkwork.formats.xml import Element
 
 SHOWN = 4  # names of elements in one sentence
-SPEED = (
-    "bounds the velocity, which no field here holds: runs pass it; motions keep to it that are "
-    "given it (AxisLimits, ActuatorLimits)"
-)
 
 
 class Notes:

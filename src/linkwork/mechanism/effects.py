@@ -90,10 +90,19 @@ class Spring(Record):
 
 
 class Limits(Record):
-    """Bound a coordinate; the motion does not stop there, but passing a limit is reported."""
+    """Bound a coordinate and its rate; the motion does not stop there, but passing a limit is
+    reported."""
 
     lower: Real | None = Field(default=None, description="least value [m, rad]; none if left out")
     upper: Real | None = Field(default=None, description="largest value [m, rad]; none if left out")
+    speed: Positive | None = Field(
+        default=None, description="largest rate either way [m/s, rad/s]; none if left out"
+    )
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the coordinate itself has an end."""
+        return self.lower is not None or self.upper is not None
 
     @model_validator(mode="after")
     def _ordered(self):

@@ -144,7 +144,8 @@ class OneFreedom(PairJoint):
         default=Spring(), description="pulls the joint's coordinate towards its rest"
     )
     limits: Limits = Field(
-        default=Limits(), description="range of the joint's coordinate; passing it is reported"
+        default=Limits(),
+        description="range of the joint's coordinate and rate; passing it is reported",
     )
     rotor_inertia: Amount = Field(
         default=0.0, description="inertia that moves with the joint's rate [kg m^2; kg for a slide]"

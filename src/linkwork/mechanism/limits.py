@@ -1,4 +1,5 @@
-"""Limits: which joint coordinates of a mechanism have a range, and what may meet in it."""
+"""Limits: which joint coordinates of a mechanism have a range and which rates are limited, and what
+may meet in the range."""
 
 from __future__ import annotations
 
@@ -18,8 +19,24 @@ def limited(mechanism: Mechanism) -> Iterator[tuple[str, Limits, str]]:
     for name, joint in mechanism.joints.items():
         for part in joint.parts(name):
             limits, first = part.effects.limits, part.coordinates[0]
-            if limits.lower is not None or limits.upper is not None:
+            if limits.bounded:
                 yield first, limits, f"{name}.{TURN}" if part.name == TURN else first
+
+
+def speed_limited(mechanism: Mechanism) -> Iterator[tuple[tuple[str, ...], float, str]]:
+    """Yield what has a limit of speed: its rates (three of a free turn, limited together), the
+    limit, and the name to report."""
+    for name, joint in mechanism.joints.items():
+        for part in joint.parts(name):
+            if (speed := part.effects.limits.speed) is not None:
+                yield part.rates, speed, f"{name}.{TURN}" if part.name == TURN else part.rates[0]
+
+
+def undriven_speeds(mechanism: Mechanism) -> Iterator[tuple[tuple[str, ...], float]]:
+    """Yield the rates and limits of speed of what is no actuator by itself."""
+    for rates, speed, _ in speed_limited(mechanism):
+        if len(rates) != 1 or rates[0] not in mechanism.actuators:
+            yield rates, speed
 
 
 def meetings(mechanism: Mechanism) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ import numpy as np
 from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.bearing import require_no_bearings
+from linkwork.mechanism.limits import speed_limited, undriven_speeds
 from linkwork.model.state import Motion, State
 from linkwork.motions._follow import follow
 from linkwork.motions.laws import Limit
@@ -47,11 +48,13 @@ itself."""
 
 @dataclass(frozen=True)
 class ActuatorLimits:
-    """Limit what the actuators give; None: no limit. All hold in both directions.
+    """Limit what the actuators give; None: no limit, of the speed that of the robot's description.
+    All hold in both directions.
 
     Args:
         force: U [N, N m]: one number for all, one for each actuator in their order, or by name.
         speed: V [m/s, rad/s], acceleration: A [m/s^2, rad/s^2], power: P = |u r'| [W], likewise.
+            Actuators that are given no speed keep to the one that the description limits.
 
     Raises:
         LinkworkError: a limit that is no positive finite number; no limit at all.
@@ -74,6 +77,14 @@ class ActuatorLimits:
     def of(self, actuators: Sequence[str]) -> dict[str, np.ndarray]:
         """Return the limits of actuators by kind, infinite where there is none."""
         return {kind: self._each(kind, actuators) for kind in BOUNDS}
+
+    def of_robot(self, robot: Robot) -> dict[str, np.ndarray]:
+        """Return the limits of a robot's actuators by kind, infinite where neither these nor its
+        description have one."""
+        found = self.of(robot.actuators)
+        described = {rates: speed for rates, speed, _ in speed_limited(robot.mechanism)}
+        own = np.array([described.get((name,), inf) for name in robot.actuators])
+        return {**found, "speed": np.where(np.isinf(found["speed"]), own, found["speed"])}
 
     def _each(self, kind: str, actuators: Sequence[str]) -> np.ndarray:
         value = getattr(self, kind)
@@ -98,6 +109,9 @@ def fastest(
     guess: State | None = None,
 ) -> TimedPath:
     """Run through a path from rest to rest in the least time that the actuators allow.
+
+    Limits of speed that the description gives hold too: of an actuator where it is given none here,
+    and of all other joints.
 
     Limits hold at the points of a grid along the path, on both sides of each, and are verified
     within its intervals, in quarters of them: where one would be passed there, all are tightened
@@ -145,7 +159,7 @@ def fastest(
     with checks.at("run through in 1 s, "):
         motion = follow(robot, shape, samples=samples, guess=guess, keep_limits=False)
     way = DrivenWay(robot, motion)
-    x = verified(way, limits.of(robot.actuators))
+    x = verified(way, limits.of_robot(robot))
     law = law_of_squares(motion.time[::BETWEEN], x[::BETWEEN])
     return TimedPath(Path(timed.path.curve, law.law), law.duration, timed.names)
 
@@ -163,6 +177,17 @@ class DrivenWay:
         """Rates of the actuators at s' = 1 (points, actuators)."""
         S = self.robot.actuation(self.motion.state)
         return (S @ self.motion.rates[..., None])[..., 0]
+
+    @cached_property
+    def passive(self) -> np.ndarray:
+        """Squared rates over their limits, at s' = 1, of what is no actuator and has a limit of
+        speed in the description (points, limits)."""
+        robot, rates = self.robot, self.motion.joint_rates
+        found = [
+            (rates[:, [robot.rates.index(label) for label in labels]] ** 2).sum(axis=1) / speed**2
+            for labels, speed in undriven_speeds(robot.mechanism)
+        ]
+        return np.array(found).reshape(len(found), len(rates)).T
 
     @cached_property
     def bends(self) -> np.ndarray:
@@ -228,6 +253,8 @@ class DrivenWay:
         blocks = []
         if np.isfinite(limits["speed"]).any():
             blocks.append((zero, (r / limits["speed"]) ** 2, one))
+        if self.passive.size:
+            blocks.append((0 * self.passive, self.passive, 1 + 0 * self.passive))
         if np.isfinite(limits["acceleration"]).any():
             A = limits["acceleration"]
             blocks += [(sign * r / A, sign * self.bends / A, one) for sign in (1, -1)]

@@ -40,7 +40,8 @@ def follow(
         timed: the path and its duration.
         samples: number of equally spaced times from 0 to T.
         guess: a state on the wanted branch, near the first point; `home` if left out.
-        keep_limits: refuse a motion that leaves the range of a joint.
+        keep_limits: refuse a motion that leaves the range of a joint, or moves one faster than its
+            limit of speed.
         what: names of the coordinates of the tool that the path leads, as `Robot.follow` takes
             them; those of its `task`, or of its pose, if left out.
 
@@ -50,7 +51,8 @@ def follow(
     Raises:
         UnreachableError: a point out of reach, by its number, or the time and the points between
             which the path leaves the workspace.
-        LinkworkError: joints that do not determine the motion; one that leaves its range.
+        LinkworkError: joints that do not determine the motion; one that leaves its range, or is too
+            fast.
     """
     if not isinstance(timed, TimedPath):
         raise LinkworkError(
@@ -71,10 +73,10 @@ def follow(
         motion = of_joints(robot, timed, samples, guess)
     else:
         motion = robot.follow(timed.path, timed.duration, samples=samples, guess=guess, what=what)
-    if keep_limits and (beyond := limits.passed(robot, motion.positions, motion.time)):
-        raise LinkworkError(
-            f"{beyond[0]}; move the points, or allow it by follow(..., keep_limits=False)"
-        )
+    told = motion.positions, motion.joint_rates, motion.time
+    if keep_limits and (beyond := limits.passed(robot, *told)):
+        cure = "give the path more time" if "limit of speed" in beyond[0] else "move the points"
+        raise LinkworkError(f"{beyond[0]}; {cure}, or allow it by follow(..., keep_limits=False)")
     return motion
 
 

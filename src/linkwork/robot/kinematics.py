@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.gradients import derivatives
+from linkwork.mechanism.limits import speed_limited
 from linkwork.mechanism.task import TaskCoordinate, labels
 from linkwork.model import checks, dexterity, evaluation, limits, task
 from linkwork.model.model import Model
@@ -192,5 +193,7 @@ class Kinematics(Model):
         return np.maximum(self.kernel("closure_step")(q)[1][..., 0], self.chart.unheld_gap(q))
 
     def limits_passed(self, state: State) -> tuple[str, ...]:
-        """Return one sentence for each joint coordinate that lies outside its limits in a state."""
-        return limits.passed(self, self.own(state).positions)
+        """Return one sentence for each joint coordinate that lies outside its limits in a state,
+        and for each rate that is above its own."""
+        own, fast = self.own(state), any(speed_limited(self.mechanism))
+        return limits.passed(self, own.positions, self.joint_rates(own) if fast else None)

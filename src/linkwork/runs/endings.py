@@ -230,5 +230,5 @@ def closure_error(segment: Segment) -> float:
 
 def passed_limits(robot: Model, run: Run) -> tuple[str, ...]:
     """Return one sentence for each joint limit that is passed at a run's saved times."""
-    positions = run.variables["joint_position"].values
-    return limits.passed(robot, positions, run.coords["time"].values)
+    positions, rates = (run.variables[f"joint_{what}"].values for what in ("position", "rate"))
+    return limits.passed(robot, positions, rates, run.coords["time"].values)

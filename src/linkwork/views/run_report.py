@@ -212,16 +212,17 @@ def joints_table(robot: Robot) -> PageTable:
         ]
         rows.append((name, joint.type, between, ", ".join(driven) or "–", "; ".join(bounds) or "–"))
     return PageTable(
-        "Joints.", ("joint", "type", "connects", "driven", "limits [m, rad]"), rows, numbers=False
+        "Joints.",
+        ("joint", "type", "connects", "driven", "limits [m, rad, s]"),
+        rows,
+        numbers=False,
     )
 
 
 def bound(limits: Limits) -> str:
-    """Return limits as text: ≥ 0.1, ≤ 2."""
-    ends = (
-        (sign, end) for sign, end in (("≥", limits.lower), ("≤", limits.upper)) if end is not None
-    )
-    return ", ".join(f"{sign} {end:g}" for sign, end in ends)
+    """Return limits as text: ≥ 0.1, ≤ 2, speed ≤ 3."""
+    ends = ("≥", limits.lower), ("≤", limits.upper), ("speed ≤", limits.speed)
+    return ", ".join(f"{sign} {end:g}" for sign, end in ends if end is not None)
 
 
 def peaks_table(data: xarray.Dataset, name: str) -> PageTable | None:

@@ -15,7 +15,7 @@ from linkwork.formats.mjcf.laws import number, numbers
 from linkwork.formats.mjcf.model_plan import Move, Seat
 from linkwork.formats.mjcf.sheet import Sheet, placed, put
 from linkwork.formats.mjcf.tree import UNLIMITED, WORLD
-from linkwork.mechanism import Body, Limits, MechanismError, Shape
+from linkwork.mechanism import Body, MechanismError, Shape
 from linkwork.mechanism.body import rigid
 
 POINT_RADIUS = 1e-4  # radius of gyration given to bodies without inertia, which MuJoCo refuses [m]
@@ -145,7 +145,7 @@ def joint_of(sheet: Sheet, move: Move, into: np.ndarray) -> ET.Element:
     put(element, "stiffness", spring.stiffness)
     put(element, "springref", spring.rest if spring.stiffness else 0.0)
     put(element, "armature", rotor)
-    if limits != Limits():
+    if limits.bounded:
         lower = -UNLIMITED if limits.lower is None else limits.lower
         upper = UNLIMITED if limits.upper is None else limits.upper
         element.set("range", numbers((0.0 if move.kind == "ball" else lower, upper)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from linkwork.formats.mjcf.sheet import Sheet
-from linkwork.mechanism import Limits, LoadedLength
+from linkwork.mechanism import LoadedLength
 from linkwork.mechanism.bearing import bearings
 
 
@@ -28,8 +28,10 @@ def tell_differences(sheet: Sheet) -> None:
             "Coulomb friction is written as frictionloss, which holds still at rest instead "
             "of being smooth about rate zero"
         )
-    if any(own.limits != Limits() for own in effects):
+    if any(own.limits.bounded for own in effects):
         say("limits are stops in MuJoCo; here passing them is only reported")
+    if any(own.limits.speed for own in effects):
+        say("limits of speed are left out: MuJoCo has none")
     if any(own.friction.static or own.friction.bristle for own in effects):
         say("static friction and bristles are left out: MuJoCo has frictionloss alone")
     if named := ", ".join(bearings(sheet.mechanism.joints)):

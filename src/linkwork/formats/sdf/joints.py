@@ -18,7 +18,7 @@ import numpy as np
 
 from linkwork.formats import poses
 from linkwork.formats.names import FreeNames
-from linkwork.formats.notes import SPEED, Notes
+from linkwork.formats.notes import Notes
 from linkwork.formats.sdf.scopes import MODEL, Scope
 from linkwork.formats.xml import Element, shortened
 from linkwork.mechanism import (
@@ -146,8 +146,12 @@ class JointReader:
         if abs(float(np.dot(np.array(axes[0]), np.array(axes[1])))) < 1e-9:
             freedoms = UniversalJoint.freedoms
             by_freedom = {
-                kind: {name: each[kind] for name, each in zip(freedoms, acting, strict=True)}
-                for kind in acting[0]
+                kind: {
+                    name: each[kind]
+                    for name, each in zip(freedoms, acting, strict=True)
+                    if kind in each
+                }
+                for kind in {**acting[0], **acting[1]}
             }
             made = joint.element.make(UniversalJoint, axes=tuple(axes), **fields, **by_freedom)
             self.joints[joint.name] = made
@@ -225,10 +229,10 @@ class JointReader:
             )
             ends = {"lower": lower, "upper": upper}
             known = {name: value for name, value in ends.items() if abs(value) < NO_LIMIT}
-            if bounded and lower < upper:
-                found["limits"] = limit.make(Limits, **known)
-            if 0 < limit.inner_number("velocity", -1.0, most=inf) < NO_LIMIT:
-                self.notes.on(limit, SPEED)
+            speed = limit.inner_number("velocity", -1.0, most=inf)
+            known = known if bounded and lower < upper else {}
+            known |= {"speed": speed} if 0 < speed < NO_LIMIT else {}
+            found["limits"] = limit.make(Limits, **known)
             if limit.first("effort") is not None:
                 effort = limit.inner_number("effort", -1.0, most=inf)
                 joint.driven[tag] = effort != 0

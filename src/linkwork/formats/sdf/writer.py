@@ -250,6 +250,7 @@ def write_axis(
         ET.SubElement(limit, end).text = unbounded if value is None else repr(value - home)
     driven = label in sheet.mechanism.actuators
     ET.SubElement(limit, "effort").text = UNBOUNDED if driven else "0"
+    add(limit, "velocity", own.limits.speed or 0)
     dynamics = ET.SubElement(element, "dynamics")
     add(dynamics, "damping", own.friction.viscous)
     add(dynamics, "friction", own.friction.coulomb)

@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from math import isfinite
 
-from linkwork.formats.notes import SPEED, Notes
+from linkwork.formats.notes import Notes
 from linkwork.formats.urdf.model import ONE_FREEDOM, UrdfJoint, UrdfModel
 from linkwork.formats.xml import Element
 from linkwork.mechanism import Combination, Transmission
@@ -57,9 +57,6 @@ def read_actuation(
     # What stands between a command and the force at a joint.
     for joint in model.joints.values():
         label = model.labels[joint.name]
-        limit = joint.element.first("limit")
-        if limit is not None and _bound(joint, "velocity") is not None:
-            notes.on(limit, SPEED)
         drive = _drive(joint, reductions.get(joint.name, 1.0))
         if label in found.names and drive:
             found.drives[label] = drive
@@ -150,14 +147,14 @@ def _reduction(part: Element) -> float:
 
 def _drive(joint: UrdfJoint, reduction: float) -> Drive:
     """Return what turns a command into a joint's force; nothing where it is the force."""
-    effort = _bound(joint, "effort")
+    effort = bound_of(joint, "effort")
     if reduction == 1.0:
         return {} if effort is None else {"type": "saturated", "limit": effort}
     bounds = {} if effort is None else {"least_force": -effort, "largest_force": effort}
     return {"type": "servo", "gain": reduction, **bounds}
 
 
-def _bound(joint: UrdfJoint, name: str) -> float | None:
+def bound_of(joint: UrdfJoint, name: str) -> float | None:
     """Return a joint's limit of effort or velocity; none where it is zero or no finite number, as
     exporters write it that know none."""
     limit = joint.element.first("limit")

@@ -19,7 +19,7 @@ from linkwork.formats.masses import without_noise
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.reading import Reading
-from linkwork.formats.urdf.actuators import read_actuation, reflected_inertia
+from linkwork.formats.urdf.actuators import bound_of, read_actuation, reflected_inertia
 from linkwork.formats.urdf.model import (
     NO_LIMIT,
     ONE_FREEDOM,
@@ -349,14 +349,13 @@ def _spring(model: UrdfModel, joint: UrdfJoint) -> Spring:
 
 
 def _limits(joint: UrdfJoint) -> Limits:
-    limit = joint.element.first("limit")
+    limit, speed = joint.element.first("limit"), bound_of(joint, "velocity")
     if limit is None or joint.type == "continuous":
-        return Limits()
+        return Limits(speed=speed)
     lower, upper = (limit.number(name, 0.0, most=inf) for name in ("lower", "upper"))
-    if not lower < upper:
-        return Limits()
-    ends = {"lower": lower, "upper": upper}
-    return Limits(**{end: value for end, value in ends.items() if abs(value) < NO_LIMIT})
+    ends = {"lower": lower, "upper": upper} if lower < upper else {}
+    known = {end: value for end, value in ends.items() if abs(value) < NO_LIMIT}
+    return Limits(**known, speed=speed)
 
 
 def _mimics(model: UrdfModel, notes: Notes) -> dict[str, Joint]:

@@ -84,21 +84,21 @@ def write_step(
     if own is None:
         pitch = float(motion.pitch)  # pyright: ignore[reportArgumentType]
         element = add_joint(sheet, f"{name}_advance", "prismatic", *links, X, motion.turn)
-        ET.SubElement(element, "limit", bounds(Limits()))
+        ET.SubElement(element, "limit", bounds(Limits(), "prismatic"))
         ET.SubElement(element, "mimic", joint=name, multiplier=repr(pitch), offset="0")
         if not sheet.beside:
             element.set("independent", "false")
         return
     slides = motion.what == "slide"
     axis = np.asarray(motion.slide if slides else motion.turn, float)
-    bounded = slides or own.limits != Limits()
+    bounded = slides or own.limits.bounded
     kind = "prismatic" if slides else "revolute" if bounded else "continuous"
     element = add_joint(sheet, name, kind, *links, X, axis)
     if not sheet.beside:
         driven = label in sheet.mechanism.actuators
         element.set("independent", "true" if driven else "false")
-    if bounded:
-        ET.SubElement(element, "limit", bounds(own.limits))
+    if bounded or own.limits.speed is not None:
+        ET.SubElement(element, "limit", bounds(own.limits, kind))
     if own.friction.viscous or own.friction.coulomb:
         friction = own.friction
         damping = {"damping": repr(friction.viscous), "friction": repr(friction.coulomb)}
@@ -109,11 +109,15 @@ def write_step(
         ET.SubElement(gazebo, "springReference").text = repr(own.spring.rest)
 
 
-def bounds(limits: Limits) -> dict[str, str]:
-    """Return the attributes of <limit>; URDF wants both ends, and an effort and a velocity."""
+def bounds(limits: Limits, kind: str) -> dict[str, str]:
+    """Return the attributes of <limit>; URDF wants both ends, but of what is continuous, and an
+    effort and a velocity."""
+    rest = {"effort": "0", "velocity": repr(limits.speed or 0)}
+    if kind == "continuous":
+        return rest
     lower = -NO_LIMIT if limits.lower is None else limits.lower
     upper = NO_LIMIT if limits.upper is None else limits.upper
-    return {"lower": repr(lower), "upper": repr(upper), "effort": "0", "velocity": "0"}
+    return {"lower": repr(lower), "upper": repr(upper), **rest}
 
 
 def add_joint(
