@@ -162,14 +162,14 @@ def test_a_free_body_keeps_its_quaternion_and_momentum(tmp_path):
     np.testing.assert_allclose(moving.q, expected.q, rtol=1e-8, atol=1e-8)
 
 
-def bouncing(ceiling: float | None = None) -> Robot:
+def bouncing(ceiling: float | None = None, stiffness: float = 1e5) -> Robot:
     """Return a ball of 0.4 kg on a rail, 0.1 m over a floor without losses; under a stop."""
     ends = lw.Stop(upper=ceiling, stiffness=1e5, exponent=1.0) if ceiling else None
     rail = lw.PrismaticJoint(connects=("ground", "body"), axis=(0, 0, 1), stop=ends)
     floor = lw.Contact(
         connects=("ground", "body"),
         surfaces=(lw.Plane(), lw.Sphere(radius=0.1)),
-        stiffness=1e5,
+        stiffness=stiffness,
         exponent=1.0,
     )
     body = lw.Body(mass=0.4, inertia=lw.Inertia(xx=1e-3, yy=1e-3, zz=1e-3))
@@ -206,6 +206,16 @@ def test_a_ball_bounces_as_its_closed_solution_says(dt, tmp_path):
         spring = 1e5 * min(height, 0.0) ** 2 / 2
         energy = 0.4 * (9.81 * height + moving.w[0] ** 2 / 2) + spring
         assert energy == pytest.approx(0.4 * 9.81 * 0.2, abs=1e-8)
+
+
+def test_a_ball_that_hardly_comes_off_goes_on(tmp_path):
+    """Where it comes off its way within a step is less than the rounding of its height."""
+    robot = bouncing(stiffness=1e6)
+    own, start = library(robot, tmp_path, STEPS), robot.state([0.1 + 1e-12], [-1e-9])
+    moving = run(own, robot, start, [], 1e-4, 200, 1e-9, 1e-11)
+    period = 2 * np.pi * np.sqrt(0.4 / 1e6)
+    sunk = 0.4 * 9.81 / 1e6 * (1 - np.cos(2 * np.pi * moving.t / period))
+    assert moving.q[0] == pytest.approx(0.1 - sunk, abs=1e-9)
 
 
 def test_what_is_struck_in_the_middle_of_a_step_is_struck(tmp_path):

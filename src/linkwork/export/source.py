@@ -33,6 +33,8 @@ BEGUN = {
     "double": 2.0**-20,
     "float": 2.0**-10,
 }  # part of a step at whose end what met at its beginning has met
+TOUCHING = {"double": 8 * 2.0**-52, "float": 8 * 2.0**-23}
+"""Distance within which surfaces touch to rounding, over the largest coordinate or own length."""
 LOOKS = 8  # at what may meet in a step
 HALVINGS = {"double": 53, "float": 24}  # of the part in which it does
 CORRECTIONS = 3  # of a step that ends there
@@ -151,6 +153,7 @@ def numbers(robot: Robot, dialect: Dialect) -> list[str]:
         "LOST": LOST * robot.equations.smallest,
         "SMALLEST_STEP": SMALLEST_STEP[precision],
         "BEGUN": BEGUN[precision],
+        "TOUCHING": TOUCHING[precision],
     }
     counts = {
         "MOST_CORRECTIONS": SETTLING,

@@ -47,44 +47,50 @@ MEETING    lw_copy(LW_Y, k[6], slopes[1]);
     return LW_OK;
 }
 
-MEETING/* Tell which of what may meet presses after a part of a step, from its ends and slopes there. */
-MEETING static void lw_pressing(
+MEETING/* Tell on which side what may meet is after a part of a step, from its ends and slopes there: -1
+MEETING   where it presses, 1 where it does not, 0 where it touches to rounding. */
+MEETING static void lw_sides(
 MEETING    const lw_real *y,
 MEETING    const lw_real *end,
 MEETING    lw_real slopes[2][LW_Y],
 MEETING    lw_real h,
 MEETING    lw_real part TAKING_P,
-MEETING    int *presses)
+MEETING    int *sides)
 MEETING {
-MEETING    lw_real q[LW_Q], apart[COUNT_OF_MEETINGS];
+MEETING    lw_real q[LW_Q], apart[COUNT_OF_MEETINGS], size = 0;
 MEETING    const lw_real rest = 1 - part;
 MEETING    int i;
 MEETING    for (i = 0; i < LW_Q; ++i) {
 MEETING        const lw_real change = end[i] - y[i];
 MEETING        const lw_real bend = (1 - 2 * part) * change
 MEETING            + h * (part * slopes[1][i] - rest * slopes[0][i]);
+MEETING        const lw_real own = fabs(y[i]) > lw_q_units[i] ? fabs(y[i]) : lw_q_units[i];
 MEETING        q[i] = y[i] + part * (change - rest * bend);
+MEETING        size = own > size ? own : size;
 MEETING    }
 MEETING    lw_meeting_code(q WITH_P, apart);
 MEETING    for (i = 0; i < COUNT_OF_MEETINGS; ++i) {
-MEETING        presses[i] = apart[i] < 0;
+MEETING        const lw_real near = LW_TOUCHING * size;
+MEETING        sides[i] = apart[i] > near ? 1 : apart[i] < -near ? -1 : 0;
 MEETING    }
 MEETING }
 MEETING
 MEETING/* Return the part of a step after which the first of what may meet begins or ceases to press; 1
-MEETING   where nothing does. What does so at its very beginning has done so. */
+MEETING   where nothing does. What does so at its very beginning has done so, and what touches there is
+MEETING   on the side to which it comes off. */
 MEETING static lw_real lw_meets_after(
 MEETING    const lw_real *y, const lw_real *end, lw_real slopes[2][LW_Y], lw_real h TAKING_P)
 MEETING {
 MEETING    int before[COUNT_OF_MEETINGS], now[COUNT_OF_MEETINGS], changed = 0, i, k;
 MEETING    lw_real low = LW_BEGUN, high = 1;
-MEETING    lw_pressing(y, end, slopes, h, low WITH_P, before);
+MEETING    lw_sides(y, end, slopes, h, low WITH_P, before);
 MEETING    for (k = 1; k <= LW_LOOKS + LW_HALVINGS && (k <= LW_LOOKS || changed); ++k) {
 MEETING        const lw_real part = changed ? (low + high) / 2 : (lw_real)k / LW_LOOKS;
 MEETING        int differs = 0;
-MEETING        lw_pressing(y, end, slopes, h, part WITH_P, now);
+MEETING        lw_sides(y, end, slopes, h, part WITH_P, now);
 MEETING        for (i = 0; i < COUNT_OF_MEETINGS; ++i) {
-MEETING            differs = differs || now[i] != before[i];
+MEETING            differs = differs || now[i] * before[i] < 0;
+MEETING            before[i] = before[i] == 0 && !changed ? now[i] : before[i];
 MEETING        }
 MEETING        if (differs) {
 MEETING            high = part;
