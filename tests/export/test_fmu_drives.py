@@ -171,3 +171,35 @@ def test_drives_that_read_turns_of_closing_joints_are_refused():
         export(robot, drives={closing: servo})
     found = export(robot, drives={closing: lw.control.Servo(gain=20.0, bias_rate=-1.0)})
     assert f"command.{closing}" in found.variables
+
+
+def turned_arm(name: str = "turn") -> lw.Robot:
+    """Return two links, and an actuator of the turn of the second against the ground."""
+    link = lw.Body(mass=1.0, centre_of_mass=(0.2, 0, 0), inertia=lw.Inertia(zz=0.02))
+    joints = {
+        "shoulder": lw.RevoluteJoint(connects=("ground", "upper")),
+        "elbow": lw.RevoluteJoint(
+            connects=("upper", "fore"), frames=(lw.Frame(position=(0.4, 0, 0)), lw.Frame())
+        ),
+    }
+    turn = lw.Displacement(body="fore", base="ground", moment=(0, 0, 1))
+    return lw.Robot(
+        lw.Mechanism(
+            bodies={"upper": link, "fore": link},
+            joints=joints,
+            transmissions={name: turn},
+            actuators=(name,),
+        )
+    )
+
+
+def test_a_drive_of_a_turn_between_bodies_is_that_of_a_run(folder):
+    """No joint has that angle; it follows from the tree's coordinates."""
+    robot = turned_arm()
+    servo = lw.control.Servo(gain=20.0, bias_position=-20.0, bias_rate=-1.0)
+    one = Instance(fmus.built(export(robot, drives={"turn": servo}), folder))
+    one.go(command__turn=0.7)
+    expected = robot.forward_dynamics(robot.home, [20.0 * 0.7])
+    np.testing.assert_allclose(
+        one.get(*(f"der(w.{each})" for each in robot.independent)), expected, rtol=1e-12
+    )

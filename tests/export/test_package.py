@@ -62,10 +62,10 @@ def test_cmake_and_pkg_config_find_it(tmp_path):
         pytest.skip("cmake or pkg-config is not installed")
     written(tmp_path, functions=["motion"])
     build, there = tmp_path / "build", tmp_path / "there"
-    run(["cmake", "-S", tmp_path, "-B", build, f"-DCMAKE_INSTALL_PREFIX={there}"])
+    run(["cmake", "-S", tmp_path, "-B", build])
     run(["cmake", "--build", build])
     run(["ctest", "--test-dir", build, "--output-on-failure"])
-    run(["cmake", "--install", build])
+    run(["cmake", "--install", build, "--prefix", there])
     search = {**os.environ, "PKG_CONFIG_PATH": str(there / "lib" / "pkgconfig")}
     flags = run(["pkg-config", "--cflags", "--libs", "robot_3_prr"], env=search).split()
     user = tmp_path / "user.c"

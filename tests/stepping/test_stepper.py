@@ -296,6 +296,7 @@ def test_calls_that_do_not_fit(robot, begun):
         (lambda: stepper.step(steps=0), "steps is 0; give a whole number, at least 1"),
         (lambda: stepper.step(out=np.zeros(3)), r"out is float64 of shape \(3,\); give an array"),
         (lambda: stepper.step(out=[0.0] * 10), "out is .*; give an array of floats of shape"),
+        (lambda: stepper.step(out=np.broadcast_to(0.0, 10)), "out cannot be written"),
         (lambda: pickle.dumps(stepper), "a stepper cannot be copied or pickled"),
         (lambda: stepper.reset(time=np.nan), "time is nan; give finite numbers"),
         (lambda: stepper.reset(time=-1.0), "must start at a finite time from 0 s on, not at -1"),

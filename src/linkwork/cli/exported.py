@@ -63,7 +63,10 @@ def export(to: str, asked: Export) -> None:
         if value != PLAIN[name] and name not in TARGETS[to].options:
             able = {key: target for key, target in TARGETS.items() if name in target.options}
             called = " and ".join(target.called for target in able.values())
-            raise LinkworkError(f"--{name} is of {called}; give it with --to {' or '.join(able)}")
+            ask = f"--{name} is of {called}; give it with --to {' or '.join(able)}"
+            if name == "out" and asked.file is None:
+                ask += f"; name FILE{TARGETS[to].ending} behind the robot"
+            raise LinkworkError(ask)
     TARGETS[to].write(asked)
 
 

@@ -443,6 +443,8 @@ def require_room(out: np.ndarray, shape: tuple[int, ...]) -> None:
     if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != DOUBLE:
         told = f"{out.dtype} of shape {out.shape}" if isinstance(out, np.ndarray) else shown(out)
         raise LinkworkError(f"out is {told}; give an array of floats of shape {shape}")
+    if not out.flags.writeable:
+        raise LinkworkError("out cannot be written, it is read-only; give an array of its own")
 
 
 @cache

@@ -22,6 +22,7 @@ from linkwork.control.observation import Quantity, expression
 from linkwork.equations import Equations
 from linkwork.equations.algebra import SX
 from linkwork.errors import LinkworkError
+from linkwork.mechanism import Combination
 from linkwork.robot import Robot
 
 
@@ -89,10 +90,9 @@ class Driven:
 
     def require_turns(self) -> None:
         """Refuse drives that read angles which are known within a turn."""
-        tree = self.robot.equations.tree.coordinates
         x = SX.sym("x")
         for name, drive in self.drives.items():
-            if name in tree or self.robot.unit(name) != "rad":
+            if not self.closes_by_angle(name):
                 continue
             z = [SX.sym(each.name) for each in drive.extras]
             force, change = drive.equations(SX.sym("c"), x, SX.sym("w"), z)
@@ -102,3 +102,12 @@ class Driven:
                     "its joint closes a loop; leave the drives out, or let another joint of the "
                     "loop close it"
                 )
+
+    def closes_by_angle(self, actuator: str) -> bool:
+        """Tell whether an actuator acts on an angle of a joint that closes a loop; what bodies show
+        of each other follows from the tree's coordinates."""
+        robot, line = self.robot, self.robot.mechanism.transmissions.get(actuator)
+        summed = tuple(line.ratios) if isinstance(line, Combination) else ()
+        labels = (actuator,) if line is None else summed
+        tree = robot.equations.tree.coordinates
+        return any(label not in tree and robot.unit(label) == "rad" for label in labels)
