@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import pickle
 from dataclasses import replace
 
@@ -10,11 +11,13 @@ import numpy as np
 import pytest
 
 from linkwork.kernels import compile_function, emit, sections
-from linkwork.kernels.compile import assembly
+from linkwork.kernels.compile import Code, assembly, object_code
 from linkwork.kernels.machine import this_machine
 from linkwork.kernels.program import trace
 from linkwork.kernels.sections import planned
 from linkwork.kernels.simplify import simplify
+
+ONE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
 
 
 def functions(rows: int, turns: int = 1) -> tuple[ca.Function, ca.Function]:
@@ -68,6 +71,23 @@ def test_large_programs_are_cut(monkeypatch):
 
 @pytest.mark.parametrize("widest", [2, 4, 8])
 def test_vectors_of_any_length_are_written(widest):
-    program = simplify(trace(functions(5)[1]))
+    jacobian, gradient = functions(5)
     machine = replace(this_machine(), widest=widest)
-    assert assembly(emit.module_text(program, machine, "by_rows"), machine)
+    text = emit.module_text(simplify(trace(gradient)), machine, "by_rows")
+    assert assembly(text, machine)
+    if widest > this_machine().lanes:
+        return
+    code, found = Code(object_code(text, machine), ("by_rows",)), np.empty(31)
+    x = np.random.default_rng(2).normal(size=5)
+    ONE(code.addresses["by_rows"])(x.ctypes.data, found.ctypes.data)
+    expected = compile_function(jacobian).flat(x)
+    np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
+
+
+def test_the_code_that_runs_is_what_can_be_read():
+    jacobian, gradient = functions(5)
+    kernel, plain = compile_function(jacobian, lambda: gradient), compile_function(jacobian)
+    listed = kernel.assembly("one")
+    assert all(f"{name}:" in listed for name in ("single", "batch", "by_rows"))
+    assert kernel.instruction_count("one") != plain.instruction_count("one")
+    assert kernel.assembly("batch") == plain.assembly("batch")

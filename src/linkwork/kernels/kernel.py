@@ -182,7 +182,8 @@ class Kernel:
     def assembly(self, kind: Kind) -> str:
         """Return the assembly of the function for one state, for blocks of states, or for states
         side by side."""
-        return listing(self._program, this_machine(), kind)
+        _, program, made = self._source(kind)
+        return listing(program(), this_machine(), made)
 
     def instruction_count(self, kind: Kind) -> int:
         """Return the number of machine instructions of the function of that kind."""
@@ -208,13 +209,15 @@ class Kernel:
         """Return the code of one kind; the first to ask waits for it."""
         with self._lock:
             if kind not in self._modules:
-                rows = self._rows if kind == "one" else None
-                self._modules[kind] = (
-                    load(self._function, lambda: self._program, kind)
-                    if rows is None
-                    else load(rows, lambda: simplify(trace(rows)), "by_rows")
-                )
+                self._modules[kind] = load(*self._source(kind))
             return self._modules[kind]
+
+    def _source(self, kind: Kind) -> tuple[ca.Function, Callable[[], Program], Kind]:
+        """Return the function and the program that code of a kind is made of, and how."""
+        rows = self._rows if kind == "one" else None
+        if rows is None:
+            return self._function, lambda: self._program, kind
+        return rows, lambda: simplify(trace(rows)), "by_rows"
 
     @cached_property
     def _rows(self) -> ca.Function | None:

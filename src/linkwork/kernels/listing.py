@@ -9,9 +9,11 @@ from linkwork.kernels.program import Program
 
 
 def listing(program: Program, machine: Machine, kind: Kind) -> str:
-    """Return the assembly of a function, of one kind, with all sections of a large one."""
+    """Return the assembly of a function, of one kind, with all sections of a large one, and
+    all that goes row by row."""
     text = assembly(module_text(program, machine, kind), machine)
-    one_function = rf'^"?_?{kind}(?:\.\d+)?"?:.*?(?=^\s*\.size|^\.?Lfunc_end|\Z)'
+    names = "single|batch|by_rows" if kind == "by_rows" else kind
+    one_function = rf'^"?_?(?:{names})(?:\.\d+)?"?:.*?(?=^\s*\.size|^\.?Lfunc_end|\Z)'
     functions = re.findall(one_function, text, re.MULTILINE | re.DOTALL)
     return "".join(functions)
 
