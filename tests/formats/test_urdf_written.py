@@ -158,6 +158,20 @@ def test_ends_that_are_not_bounded_are_read_as_such(tmp_path):
     assert read.joints["slide_2"].limits == Limits()
 
 
+def test_limits_of_joints_that_close_loops_are_told(tmp_path):
+    mechanism, path = standing("four_bar"), tmp_path / "bars.urdf"
+    joints = {
+        name: joint.model_copy(update={"limits": Limits(speed=7.0)})
+        for name, joint in mechanism.joints.items()
+    }
+    notes = save(mechanism.model_copy(update={"joints": joints}), path)
+    assert [note for note in notes if note.startswith("joints.rocker_pin: limits are left out")]
+    assert path.read_text().count('velocity="7.0"') == len(joints) - 1
+    beside = save(mechanism.model_copy(update={"joints": joints}), path, loops="beside")
+    assert not [note for note in beside if "limits" in note]
+    assert path.read_text().count('velocity="7.0"') == len(joints)
+
+
 def arm() -> Mechanism:
     """Return a tree of a screw, a universal joint and geared hinges, with all that URDF holds."""
     bodies = {

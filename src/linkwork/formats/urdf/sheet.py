@@ -167,3 +167,8 @@ def tell_unheld(sheet: UrdfSheet, name: str, joint: PairJoint) -> None:
             "hinges and slides of the tree alone",
             alters=True,
         )
+    if any(own.limits != Limits() for own in joint.effects().values()):
+        sheet.notes.say(
+            f"joints.{name}: limits are left out: URDF has them in hinges and slides of the tree "
+            "alone"
+        )
