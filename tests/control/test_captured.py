@@ -61,6 +61,8 @@ def test_arrays_that_change_in_place_count():
     before = key(read)
     own[1] = 1e-300
     assert key(read) != before and told(own.reshape(1, 3)) != told(own)
+    table = np.arange(6.0).reshape(2, 3)
+    assert told(table) != told(np.asfortranarray(table))  # sums go by what lies side by side
 
 
 def test_attributes_of_modules_count(monkeypatch):
@@ -142,6 +144,18 @@ def counting():
     return counted
 
 
+class Scope(dict):
+    """Globals that hold more than is seen."""
+
+    def __missing__(self, name):
+        return gain
+
+
+def guised():
+    number = type("float64", (np.float64,), {"__module__": "numpy", "gain": 1.0})(1.0)
+    return lambda t, state: [number.gain]
+
+
 endless: list = []
 endless.append(endless)
 robot_of = lw.Robot
@@ -156,6 +170,10 @@ class Tuned(lw.Sampled):
     [
         Counter(),
         Counter().law,
+        guised(),
+        eval("lambda t, state: [gain]", Scope()),
+        lambda t, state: [float(scaled.__doc__)],
+        lambda t, state: np.array([1.0], object),
         counting(),
         Tuned([0.0, 1.0], [1.0, 2.0]),
         lambda t, state: endless,
@@ -217,6 +235,13 @@ def test_attributes_of_functions_count():
         for own.factor in (1.0, 2.0):
             keys.add(key(lambda t, state, own=own: [own.factor]))
         assert len(keys) == 2
+
+
+def test_attributes_of_a_librarys_functions_are_no_part_of_it(monkeypatch):
+    told(lambda t, state: [math.sqrt(t)])
+    monkeypatch.setattr(math.sqrt, "gain", 1.0, raising=False)
+    with pytest.raises(Open):
+        told(lambda t, state: [math.sqrt.gain])
 
 
 def test_what_builtins_a_function_was_made_with_counts():

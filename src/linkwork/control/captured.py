@@ -43,7 +43,11 @@ FUNCTIONS = type, FunctionType, BuiltinFunctionType, type(np.dot), np.ufunc
 GLOBAL, CELL = "LOAD_GLOBAL", "LOAD_DEREF"
 WRITTEN = "STORE_DEREF", "DELETE_DEREF"
 FURTHER = "LOAD_ATTR", "LOAD_METHOD"
-ELSEWHERE = {"IMPORT_NAME", "STORE_GLOBAL", "DELETE_GLOBAL", "LOAD_NAME", "LOAD_BUILD_CLASS"}
+INSIDE = "__"  # begins names of what objects are made of, as __doc__ and __globals__
+ELSEWHERE = {
+    *("IMPORT_NAME", "STORE_GLOBAL", "DELETE_GLOBAL", "LOAD_NAME", "LOAD_BUILD_CLASS"),
+    INSIDE,
+}
 MISSING = object()
 
 Chain = tuple[str, ...]
@@ -85,6 +89,8 @@ def captured(met: Met, function: FunctionType) -> Hashable:
     if function in met.functions:
         return met.functions[function]
     met.functions[function] = len(met.functions)
+    if type(function.__globals__) is not dict:
+        raise Open
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     closure = {name: content(cell) for name, cell in cells}
     scopes = function.__globals__, function.__builtins__
@@ -136,6 +142,8 @@ def read_in(code: CodeType) -> Iterator[tuple[str, Chain]]:
         if step.opname == GLOBAL or (step.opname == CELL and step.argval in code.co_freevars):
             behind = takewhile(lambda own: own.opname in FURTHER, steps[place + 1 :])
             yield step.opname, (step.argval, *(own.argval for own in behind))
+    if any(name.startswith(INSIDE) for name in code.co_names):
+        yield INSIDE, ()
     for inner in code.co_consts:
         if isinstance(inner, CodeType):
             for opcode, chain in read_in(inner):
@@ -151,10 +159,10 @@ def told_in(met: Met, value: Any) -> Hashable:
         met.count(sys.getsizeof(value))
         return kind, repr(value) if kind in BY_DIGITS else value
     if isinstance(value, np.ndarray | np.generic):
-        if value.dtype.hasobject or kind.__module__ != "numpy":
+        if value.dtype.hasobject or vars(np).get(kind.__name__) is not kind:
             raise Open
         met.count(value.nbytes)
-        return kind, value.shape, repr(value.dtype), value.tobytes()
+        return kind, value.shape, value.strides, repr(value.dtype), value.tobytes()
     # What holds others.
     if kind in (list, tuple, set, frozenset):
         met.count(sys.getsizeof(value))
@@ -187,12 +195,14 @@ def memoryless(value: Any) -> bool:
         return True
     if not isinstance(value, FUNCTIONS) or value.__name__ in OUTSIDE:
         return False
-    found = (getattr(sys.modules.get(name), value.__name__, None) for name in LIBRARIES)
-    return any(each is value for each in found) and written_there(value)
+    libraries = (sys.modules[name] for name in LIBRARIES if name in sys.modules)
+    found = any(vars(library).get(value.__name__) is value for library in libraries)
+    return found and written_there(value)
 
 
 def written_there(value: Any) -> bool:
     """Tell whether a function of a library is its own, and none of the user's in its place."""
     if isinstance(value, FunctionType):  # its code's module: `functools.wraps` copies its own
-        return value.__globals__.get("__name__", "").partition(".")[0] in PACKAGES
+        own = value.__globals__.get("__name__", "").partition(".")[0] in PACKAGES
+        return own and not vars(value)
     return isinstance(value, np.ufunc) or value.__module__ in LIBRARIES
