@@ -1,4 +1,5 @@
-"""Derivatives of forward dynamics through loops, beside forward dynamics and Pinocchio's."""
+"""Derivatives of forward dynamics through loops, beside forward dynamics and Pinocchio's; adjoints
+of runs, beside the runs."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 import linkwork as lw
+from linkwork.control import Observation
 from linkwork.gradients import derivative_kernel
 from linkwork.lab.engines.pinocchio import pin
 
@@ -18,6 +20,8 @@ STATES, STACK = 256, 4096
 MOST = {"prr3": 6.0, "stewart": 8.0}  # times forward dynamics, promised
 TIMES = 15.0  # Pinocchio's time over ours, promised
 AGREEMENT = 1e-9
+ADJOINT = 4.0  # times the run, promised
+FORCES = 1.0, 0.5, -0.3  # N
 METHOD = f"""
     The whole Jacobian of the accelerations v' with respect to q, v and u, in the rates of the
     actuators, at states near home. One: native code over {STATES} states, one after the other;
@@ -44,7 +48,12 @@ def run(rounds: int = 60, robots: Mapping[str, float] = MOST) -> Section:
     figures.append(
         Figure("3-PRR: largest relative difference of Pinocchio's", apart(), "", AGREEMENT)
     )
-    listing = Listing(("contender", "a state [ns]"), rows)
+    seconds = interleaved(adjoints(), rounds)
+    quickest = {key: float(each.min()) for key, each in seconds.items()}
+    figures += over_run(quickest)
+    rows += [(f"prr3: {key}", quantity(1e9 * each, "")) for key, each in quickest.items()]
+    raw["adjoints"] = {key: summary(values) for key, values in seconds.items()}
+    listing = Listing(("contender", "a state, or a run [ns]"), rows)
     return Section("Derivatives", METHOD, figures, {"seconds": raw}, listing=listing)
 
 
@@ -98,6 +107,43 @@ def contenders(robot: lw.Robot, states: lw.State, forces: np.ndarray) -> dict[st
     given = engine.model, engine.data, engine.constraints, engine.constraint_data, engine.proximal
     found["Pinocchio"] = Contender(bound(pin.computeConstraintDynamicsDerivatives, *given))
     return found
+
+
+def adjoints() -> dict[str, Contender]:
+    """Return a run of 1 s, and the ways to its derivatives, two of which make it."""
+    robot = lw.Robot("prr3")
+
+    def run() -> lw.Run:
+        return robot.simulate(robot.home, FORCES, duration=1.0)
+
+    def away(t: object, state: Observation) -> object:
+        x, y, _ = state.tool_pose
+        return (x - 0.28) ** 2 + (y - 0.15) ** 2
+
+    made = run()
+    weights = {"tool_pose": np.ones(made.variables["tool_pose"].shape)}
+    return {
+        "run": Contender(run),
+        "run and robot.gradient": Contender(
+            lambda: robot.gradient(away, robot.home, FORCES, duration=1.0)
+        ),
+        "adjoint asked again": Contender(lambda: made.gradient(weights)),
+        "run and its adjoint": Contender(lambda: run().gradient(weights)),
+    }
+
+
+def over_run(taken: Mapping[str, float]) -> list[Figure]:
+    """Return the times of adjoints over that of the run, which two of them make."""
+    own = taken["run"]
+    ways = {
+        "robot.gradient": taken["run and robot.gradient"] - own,
+        "asked again": taken["adjoint asked again"],
+        "just made": taken["run and its adjoint"] - own,
+    }
+    return [
+        Figure(f"prr3: adjoint, times a run of 1 s, {way}", seconds / own, "", ADJOINT)
+        for way, seconds in ways.items()
+    ]
 
 
 def bound(function: Callable[..., object], *given: object) -> Callable[[], object]:

@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+import linkwork as lw
 from linkwork.equations import derive
 from linkwork.equations.equations import smallest_singular
 from linkwork.equations.reference import least_step
@@ -105,3 +106,13 @@ def test_sparse_step_of_least_length(rows, columns, dependent):
             rtol=0,
             atol=tolerance * np.abs(expected).max(),
         )
+
+
+def test_loops_that_are_singular_to_working_precision_are_refused_in_one_sentence():
+    mechanism = lw.Robot("four_bar").mechanism
+    huge = lw.Inertia(xx=1e40, yy=1e40, zz=1e40)  # kg m2
+    bodies = {
+        name: body.model_copy(update={"inertia": huge}) for name, body in mechanism.bodies.items()
+    }
+    with pytest.raises(lw.LinkworkError, match=r"singular to working precision.* an inertia, a ma"):
+        lw.Robot(mechanism.model_copy(update={"bodies": bodies}))

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.control import Lag, Wrench
 from linkwork.runs.quantities import QUANTITIES, Place, SavedQuantity
+from linkwork.runs.run_record import RunRecord
 from linkwork.sweeps.chunk import compute
 from linkwork.viewer import traces
 from linkwork.views.run_report import render
@@ -40,6 +42,24 @@ def test_a_quantity_of_the_table_is_told_by_runs_and_ensembles(squares):
         assert data[squares].attrs["units"] == "m^2/s^2"
         np.testing.assert_array_equal(data[squares].values, data["joint_rate"].values ** 2)
         assert data[squares].values.any()
+
+
+def test_the_shapes_of_quantities_are_known_without_their_values(monkeypatch):
+    robot = lw.Robot("prr3")
+    wrench = Wrench("platform", force=[1.0, 0.0, 0.0])
+    drives = {"slide_1": Lag(0.01)}
+    plain = robot.simulate(robot.home, [1.0, 0.0, 0.5], duration=0.2)
+    acted = robot.simulate(robot.home, duration=0.2, drives=drives, wrenches=[wrench])
+    unread = robot.simulate(robot.home, [1.0, 0.0, 0.5], duration=0.2)
+    for run in plain, acted:
+        shapes = {name: run.variables[name].values.shape for name in run.variables}
+        assert {name: run.variables.shape(name) for name in shapes} == shapes
+    # Nor is anything evaluated to tell what there is, and to differentiate it.
+    weights = np.ones(plain.variables["tool_pose"].shape)
+    expected = plain.gradient({"tool_pose": weights})
+    monkeypatch.setattr(RunRecord, "_measured", None)
+    assert "joint_rate" in unread.variables and "external_wrench" not in unread.variables
+    assert unread.gradient({"tool_pose": weights}) == expected
 
 
 def test_a_quantity_of_the_table_is_shown_in_the_report_and_in_the_viewer(squares):

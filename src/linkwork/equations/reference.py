@@ -36,6 +36,11 @@ OPEN = 1e-9  # gap that rounding of large coordinates never excuses
 DAMPING = 1e-6
 """Over the largest number of Phi: far above the rounding of inconsistent rows, far below what
 matters."""
+SINGULAR = (
+    "the loops' equations are singular to working precision: their largest derivative is {:.3g} in "
+    "the mechanism's own lengths; check for numbers that are far too large or too small, such as "
+    "an inertia, a mass or a length in another unit"
+)
 ROUNDED_DAMPING = 1e-3  # the same where rounded numbers of the description make rows inconsistent
 
 Matrix = np.ndarray | ca.DM
@@ -114,13 +119,22 @@ def least_step(Phi: Matrix, phi: np.ndarray, damping: float = DAMPING) -> np.nda
 
     For a sparse Phi by one sparse factorisation:  d s + Phi' r = 0,  Phi s - d r = -phi,  with a
     small damping d.
+
+    Raises:
+        MechanismError: it is singular to working precision, as where a description's numbers are
+            many powers of ten apart.
     """
     if isinstance(Phi, np.ndarray):
         return -np.linalg.lstsq(Phi, phi, rcond=1e-9)[0]
     rows, nv = Phi.shape
-    d = damping * (np.abs(Phi.nonzeros()).max(initial=0.0) or 1.0)
+    largest = np.abs(Phi.nonzeros()).max(initial=0.0)
+    d = damping * (largest or 1.0)
     A = ca.blockcat([[d * ca.DM.eye(nv), Phi.T], [Phi, -d * ca.DM.eye(rows)]])
-    return np.array(ca.solve(A, ca.vertcat(ca.DM.zeros(nv), -phi), "qr")[:nv]).ravel()
+    try:
+        found = ca.solve(A, ca.vertcat(ca.DM.zeros(nv), -phi), "qr")
+    except RuntimeError:
+        raise MechanismError(SINGULAR.format(largest)) from None
+    return np.array(found[:nv]).ravel()
 
 
 def unit(tree: Tree, q: np.ndarray) -> np.ndarray:

@@ -57,7 +57,9 @@ class LossSlopes(HandedOn):
 
     integral: float = 0.0
 
-    def add(self, numbers: np.ndarray, y: np.ndarray, held: np.ndarray, t: np.ndarray) -> None:
+    def add(
+        self, numbers: np.ndarray | slice, y: np.ndarray, held: np.ndarray, t: np.ndarray
+    ) -> None:
         """Add derivatives with respect to samples."""
         self.sample_y[numbers] += y
         self.sample_held[numbers] += held
@@ -67,6 +69,7 @@ class LossSlopes(HandedOn):
         """Add what samples of the present state tell."""
         if numbers.size:
             self.y = self.y + self.sample_y[numbers].sum(axis=0)
+        if numbers.size and self.held.size:
             self.held = self.held + self.sample_held[numbers].sum(axis=0)
 
 
@@ -128,20 +131,23 @@ class Partials:
 
 
 class PulledBack(NamedTuple):
-    """Hold derivatives of one number by y (K, n) and r (K, nr) at K instants, and by p (np)."""
+    """Hold derivatives of one number by y (K, n) and r (K, nr) at K instants, and by p (np);
+    inputs: None where all by r are zero."""
 
     y: np.ndarray
     r: np.ndarray
     p: np.ndarray
-    inputs: InputsAt
+    inputs: InputsAt | None
 
     def against(self, slopes: LossSlopes) -> tuple[np.ndarray, ...]:
         """Add what they tell of signals and p; return what they tell of y (K, n), held inputs
         (K, nh), and times (K)."""
-        columns = self.inputs.rates.shape[1]
+        columns = slopes.signal.shape[1]
         signals, held = self.r[:, :columns], self.r[:, columns:]
-        self.inputs.against(slopes, signals)
         slopes.p += self.p
+        if self.inputs is None:
+            return self.y, held, np.zeros(len(self.y))
+        self.inputs.against(slopes, signals)
         return self.y, held, (signals * self.inputs.rates).sum(axis=1)
 
 
@@ -200,7 +206,7 @@ class Steps(RunLink):
         ends, inner = np.zeros(self.y.shape), slopes.sample_y[self.numbers]
         ends[self.rows] = slopes.sample_y[self.at_rows]
         bar, held = slopes.y.copy(), slopes.held.copy()
-        for numbers in (self.at_rows, self.numbers):
+        for numbers in (self.at_rows, self.numbers) if held.size else ():
             held += slopes.sample_held[numbers].sum(axis=0)
         signal = slopes.signal.reshape(-1)
         slopes.integral += native_sweeps.adjoint(
@@ -233,19 +239,18 @@ class ChartChange(RunLink):
     p: np.ndarray
 
     def along(self, changes: Changes) -> None:
-        q, v, z = np.split(changes.y, self._ends, axis=1)
+        q, v, z = self._split(changes.y)
         v = q @ self.q.T + v @ self.v.T + changes.p[:, : self.p.shape[1]] @ self.p.T
         changes.y = np.concatenate([q, v, z], axis=1)
 
     def against(self, slopes: LossSlopes) -> None:
-        q, v, z = np.split(slopes.y, self._ends)
+        q, v, z = self._split(slopes.y)
         slopes.p[: self.p.shape[1]] += v @ self.p
         slopes.y = np.concatenate([q + v @ self.q, v @ self.v, z])
 
-    @property
-    def _ends(self) -> tuple[int, int]:
-        nq = self.q.shape[1]
-        return nq, nq + len(self.v)
+    def _split(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        nq, end = self.q.shape[1], sum(self.q.shape)
+        return y[..., :nq], y[..., nq:end], y[..., end:]
 
 
 @dataclass(frozen=True, eq=False)

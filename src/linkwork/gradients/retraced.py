@@ -57,7 +57,7 @@ class Sampling(NamedTuple):
     y: np.ndarray
     u: np.ndarray
 
-    def of(self, numbers: np.ndarray) -> Sampling:
+    def of(self, numbers: slice) -> Sampling:
         """Return some of the instants."""
         return Sampling(*(part[numbers] for part in self))
 
@@ -143,10 +143,10 @@ class Retraced:
         return Partials(rows[:, :, :n], rows[:, :, n:end], rows[:, :, end:], inputs)
 
     def pulled(
-        self, name: str, of: run_kernels.Expressions, own: np.ndarray, bars: np.ndarray
+        self, name: str, of: run_kernels.Expressions, own: slice, bars: np.ndarray
     ) -> PulledBack:
         """Return the derivatives of a sum of bars (K, rows) times expressions at samples (K) of one
-        segment; name: theirs; own: numbers of the samples."""
+        segment; name: theirs; own: which samples."""
         states = self.samples.of(own)
         chart, joined = self.segments[states.segment[0]].chart, self.system.joined
         p = self.system.p(chart)
@@ -156,8 +156,8 @@ class Retraced:
         )
         x, n = np.concatenate([states.y, states.u], axis=1), states.y.shape[1]
         rows = kernel.flat(x[0], bars[0], p)[None] if len(x) == 1 else kernel(x, bars, p)[0]
-        end, inputs = x.shape[1], self.inputs_at(states.t)
-        return PulledBack(rows[:, :n], rows[:, n:end], rows[:, end:].sum(axis=0), inputs)
+        y, r, p = rows[:, :n], rows[:, n : x.shape[1]], rows[:, x.shape[1] :]
+        return PulledBack(y, r, p.sum(axis=0), self.inputs_at(states.t) if r.any() else None)
 
     def ends(self, place: int) -> bool:
         """Tell whether a sample is of the event that ended the run."""
@@ -253,7 +253,8 @@ class OfSegment:
 
     def at(self, row: int) -> Iterator[RunLink]:
         """Yield what happens at a row."""
-        numbers = self.read[self.read_at == self.t[row]]
+        t = self.t[row]
+        numbers = self.read[self.read_at.searchsorted(t) : self.read_at.searchsorted(t, "right")]
         if self.whole.ended and self.segment is self.whole.segments[-1] and row == len(self.t) - 1:
             yield self.ending(numbers)
             return
@@ -275,8 +276,9 @@ class OfSegment:
 
     @cached_property
     def read(self) -> np.ndarray:
-        """The numbers of the samples of this segment."""
-        return np.flatnonzero(self.whole.samples.segment == self.number)
+        """The numbers of the samples of this segment, in the order of their times."""
+        found = np.flatnonzero(self.whole.samples.segment == self.number)
+        return found[self.whole.samples.t[found].argsort(kind="stable")]
 
     @cached_property
     def read_at(self) -> np.ndarray:
@@ -286,11 +288,11 @@ class OfSegment:
     def steps(self, a: int, b: int) -> Steps:
         """Return the steps from row a to row b, with the samples between."""
         t = self.t[a : b + 1]
-        inner = np.flatnonzero((self.read_at > t[0]) & (self.read_at < t[-1]))
-        inner = inner[np.argsort(self.read_at[inner], kind="stable")]
-        times, numbers = self.read_at[inner], self.read[inner]
-        rows = np.searchsorted(t, times)
+        first, end = self.read_at.searchsorted(t[0], "right"), self.read_at.searchsorted(t[-1])
+        times, numbers = self.read_at[first:end], self.read[first:end]
+        rows = t.searchsorted(times)
         ends = t[rows] == times
+        between = ~ends
         plan, apart = plans_of(self.segment.method)
         return Steps(
             run_kernels.addresses(self.whole.acting, self.chart, self.whole.cost),
@@ -304,9 +306,9 @@ class OfSegment:
             self.held[a],
             rows[ends],
             numbers[ends],
-            rows[~ends] - 1.0,
-            times[~ends],
-            numbers[~ends],
+            rows[between] - 1.0,
+            times[between],
+            numbers[between],
         )
 
     @cached_property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,7 +73,7 @@ def pulled_back(
             for i, bar in enumerate(bars):
                 event_against(of, i, slopes, bar)
             continue
-        shape, bars = run.variables[name].shape, checks.finite(given[name], f"weights of {name}")
+        shape, bars = of.record.shape(name), checks.finite(given[name], f"weights of {name}")
         require_shape(name, bars, shape)
         bars = bars.reshape(shape[0], -1)
         pull(of, slopes, name, TOLD[name], bars)
@@ -123,20 +124,20 @@ def led_back(of: Retraced, numbers: Numbers, slopes: LossSlopes) -> np.ndarray:
     return found
 
 
-def readings(
-    of: Retraced, name: str, expression: Expressions
-) -> Iterator[tuple[np.ndarray, Partials]]:
-    """Yield the numbers of samples in the same segment, and the Jacobians of an expression at
-    them; of events not."""
+def readings(of: Retraced, name: str, expression: Expressions) -> Iterator[tuple[slice, Partials]]:
+    """Yield which samples are in the same segment, and the Jacobians of an expression at them; of
+    events not."""
     for own in in_segments(of):
         states = of.samples.of(own)
         yield own, of.partials(of.segments[states.segment[0]].chart, name, expression, states)
 
 
-def in_segments(of: Retraced) -> list[np.ndarray]:
-    """Return the numbers of samples in the same segment; of events not."""
+def in_segments(of: Retraced) -> list[slice]:
+    """Return which samples are in the same segment, where they follow each other; of events
+    not."""
     segments = of.samples.segment[: len(of.samples.t) - len(of.happened)]
-    return [np.flatnonzero(segments == number) for number in dict.fromkeys(segments.tolist())]
+    inner = (np.flatnonzero(segments[1:] != segments[:-1]) + 1).tolist()
+    return [slice(*ends) for ends in pairwise([0, *inner, len(segments)]) if len(segments)]
 
 
 def quantities_of(run: Run, quantities: Sequence[str] | str | None) -> tuple[str, ...]:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from linkwork.control.drives import Extra
-from linkwork.control.wrenches import Wrench
 from linkwork.equations.fluid import felt
 from linkwork.mechanism.limits import touching
 from linkwork.mechanism.task import labels as labels_of
@@ -272,9 +271,10 @@ AXES = ("coordinate", "rate", "actuator", *LACKING, "wrench_component", "directi
 
 
 def axes_of(
-    robot: Model, extras: Sequence[Extra] = (), wrenches: Sequence[Wrench] = ()
+    robot: Model, extras: Sequence[Extra] = (), pushed: Sequence[str] = ()
 ) -> dict[str, Axis]:
-    """Return all axes of components by name, of a robot on which drives and wrenches act."""
+    """Return all axes of components by name, of a robot on which drives and wrenches act; pushed:
+    the bodies of these."""
     mechanism, tools = robot.mechanism, robot.mechanism.tools
     resisted = (*mechanism.springs, *mechanism.transmissions)
     damped = any(spring.damping for spring in mechanism.springs.values()) or any(
@@ -290,7 +290,7 @@ def axes_of(
         "pose": Axis(POSES[robot.planar] if tools else ()),
         "task": Axis(labels_of(stated(robot)), [unit(item) for item in stated(robot)]),
         "extra": Axis([extra.name for extra in extras], [extra.unit for extra in extras]),
-        "wrench": Axis([f"{i}: {wrench.body}" for i, wrench in enumerate(wrenches)]),
+        "wrench": Axis([f"{i}: {body}" for i, body in enumerate(pushed)]),
         "wrench_component": Axis(COMPONENTS),
         "touch": Axis(touching(robot.mechanism)),
         "drag": Axis(tuple(mechanism.drags) if felt(mechanism) else ()),
@@ -305,9 +305,14 @@ def lacks(quantity: SavedQuantity, axes: Mapping[str, Axis]) -> str:
     )
 
 
+def is_told(quantity: SavedQuantity, place: Place, axes: Mapping[str, Axis]) -> bool:
+    """Tell whether a quantity is told in a place and defined on some axes."""
+    return quantity.belongs(place) and not lacks(quantity, axes)
+
+
 def told_by(place: Place, axes: Mapping[str, Axis]) -> list[SavedQuantity]:
     """Return the quantities that are told in a place and defined on some axes."""
-    return [each for each in QUANTITIES.values() if each.belongs(place) and not lacks(each, axes)]
+    return [each for each in QUANTITIES.values() if is_told(each, place, axes)]
 
 
 def coords_of(quantities: Iterable[SavedQuantity], axes: Mapping[str, Axis]) -> dict[str, Variable]:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from linkwork.model.chart_transfer import reread
 from linkwork.model.reactions import Reactions, transmitted
@@ -16,13 +15,14 @@ from linkwork.model.state import State
 from linkwork.runs import following
 from linkwork.runs.passage import Segment
 from linkwork.runs.quantities import (
+    QUANTITIES,
     Axis,
     Place,
     SavedQuantity,
     axes_of,
     coords_of,
+    is_told,
     labels,
-    told_by,
 )
 from linkwork.runs.saved_states import Over, SavedStates
 from linkwork.runs.system import System
@@ -52,8 +52,8 @@ class RunRecord(Mapping[str, Variable]):
 
     def __getitem__(self, name: str) -> Variable:
         if name not in self._found:
-            self._found[name] = self._measured(self._told[name])
-        if self._told[name].unless_zero and not self._found[name].values.any():
+            self._found[name] = self._measured(self._quantity(name))
+        if QUANTITIES[name].unless_zero and not self._found[name].values.any():
             raise KeyError(name)
         return self._found[name]
 
@@ -61,7 +61,13 @@ class RunRecord(Mapping[str, Variable]):
         return repr(dict(self))
 
     def __iter__(self) -> Iterator[str]:
-        return (name for name in self._told if name in self)
+        return (name for name in QUANTITIES if name in self)
+
+    def __contains__(self, name: object) -> bool:
+        quantity = QUANTITIES.get(cast(str, name))
+        if quantity is None or not self._tells(quantity):
+            return False
+        return not quantity.unless_zero or super().__contains__(name)
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
@@ -69,18 +75,28 @@ class RunRecord(Mapping[str, Variable]):
     @cached_property
     def _axes(self) -> dict[str, Axis]:
         wrenches = self.system.acting.wrenches if self.system.acting else ()
-        return axes_of(self.robot, self.system.extras, wrenches)
+        pushed = tuple(wrench.body for wrench in wrenches)
+        return self.robot.once(axes_of, self.system.extras, pushed)
 
-    @cached_property
-    def _told(self) -> dict[str, SavedQuantity]:
-        """The quantities that this run may have."""
-        acting = self.system.acting is not None
-        told = told_by(Place.RUN, self._axes)
-        return {each.name: each for each in told if acting or not each.acting}
+    def _tells(self, quantity: SavedQuantity) -> bool:
+        """Tell whether this run may have a quantity."""
+        acts = self.system.acting is not None or not quantity.acting
+        return acts and is_told(quantity, Place.RUN, self._axes)
+
+    def _quantity(self, name: str) -> SavedQuantity:
+        """Return a quantity that this run may have; raise KeyError for another."""
+        if not self._tells(quantity := QUANTITIES[name]):
+            raise KeyError(name)
+        return quantity
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Return the shape of a quantity, whose values are not found for it."""
+        axes = self._quantity(name).axes
+        return (len(self.time), *(len(self._axes[axis].names) for axis in axes))
 
     def _measured(self, quantity: SavedQuantity) -> Variable:
         if quantity.whole:  # found when it is asked for
-            shape = (len(self.time), *(len(self._axes[axis].names) for axis in quantity.axes))
+            shape = self.shape(quantity.name)
             return quantity.told(partial(quantity.of, self), self.system, "time", shape=shape)
         values = np.concatenate([quantity.values(states) for states in self.states])
         return quantity.told(
@@ -105,7 +121,7 @@ class RunRecord(Mapping[str, Variable]):
     def coords(self) -> dict[str, Variable]:
         """Return the labels of the variables' axes, and the events."""
         found = {"time": Variable(("time",), self.time, {"units": "s"})}
-        found |= coords_of(self._told.values(), self._axes)
+        found |= coords_of(filter(self._tells, QUANTITIES.values()), self._axes)
         if self.system.events:
             parts = [segment.trajectory.events for segment in self.segments]
             names = [self.system.events[i].name for part in parts for i in part.index]
@@ -186,7 +202,7 @@ class RunRecord(Mapping[str, Variable]):
 
 
 def trimmed(
-    segments: Sequence[Segment], besides: ArrayLike = ()
+    segments: Sequence[Segment], besides: Sequence[float] | np.ndarray = ()
 ) -> list[tuple[Segment, np.ndarray]]:
     """Return the segments with the rows to keep: an instant saved by two of them is kept once.
 
@@ -195,7 +211,8 @@ def trimmed(
     kept, end = [], -np.inf
     for segment in segments:
         t = segment.trajectory.t
-        kept.append((segment, np.flatnonzero((t > end) & ~np.isin(t, besides))))
+        asked = (t > end) & ~np.isin(t, besides) if len(besides) else t > end
+        kept.append((segment, np.flatnonzero(asked)))
         end = t[-1] if len(t) else end
     return kept
 
