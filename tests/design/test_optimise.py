@@ -132,6 +132,7 @@ def test_bad_input_is_refused():
         (({number: (0.7, 1.3)}, design.Frequency([[1, 0.5]])), "nothing holds the robot"),
         (({number: (0.7, 1.3)}, design.Isotropy([[3.0, 0.0]])), "with the tool at"),
         (({number: (0.7, 1.3)}, design.Frequency([[1, 1]], {"hinge_9": 1.0})), "hinge_9"),
+        (({number: (0.7, 1.3)}, design.Isotropy(np.zeros((0, 2)))), "the poses are none"),
     ]
     for given, sentence in cases:
         with pytest.raises(lw.LinkworkError, match=sentence):

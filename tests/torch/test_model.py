@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import pickle
 import sys
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -63,6 +64,42 @@ def test_gradients_of_first_and_second_order_are_those_of_differences(name):
     require_gradients(model.closed, q)
     require_gradients(lambda q: model.tool_pose(q=q), q)
     require_gradients(lambda *x: torch.cat(model.step(*x, 1e-2), -1), q, v, u)
+
+
+@pytest.mark.parametrize("hinges", [1, 4])
+def test_gradients_by_a_quaternion_are_those_of_differences_along_its_length_too(hinges):
+    """On a floating base with a chain: few links by M, many by articulated inertias."""
+    own = lw.Body(
+        mass=1.3, centre_of_mass=(0.1, 0.02, -0.05), inertia=lw.Inertia(xx=0.02, yy=0.03, zz=0.04)
+    )
+    names = ["base", *(f"link_{k}" for k in range(hinges))]
+    joints: dict = {"free": lw.FreeJoint(connects=("ground", "base"))}
+    for k, pair in enumerate(pairwise(names)):
+        axis, at = (1, 0, 0) if k % 2 else (0, 1, 0), lw.Frame(position=(0.3, 0.1, 0.0))
+        joints[f"hinge_{k}"] = lw.RevoluteJoint(connects=pair, frames=(at, lw.Frame()), axis=axis)
+    robot = lw.Robot(lw.Mechanism(bodies=dict.fromkeys(names, own), joints=joints))
+    assert robot.equations.recursive == (hinges > 1)
+    model = linkwork.torch.model(robot)
+    q, v, u = state_of(model)
+    given = (*wanting(q), v, u)
+    assert gradcheck(model.forward_dynamics, given, eps=1e-6, atol=1e-6, fast_mode=True)
+
+
+def test_a_stop_that_is_not_touched_has_no_derivatives_of_any_order():
+    law = lw.Stop(lower=0.0, stiffness=3e4, restitution=0.6)
+    body = lw.Body(mass=0.5, inertia=lw.Inertia(xx=1, yy=1, zz=1))
+    slide = lw.PrismaticJoint(connects=("ground", "body"), stop=law)
+    robot = lw.Robot(lw.Mechanism(bodies={"body": body}, joints={"z": slide}))
+    model, none = linkwork.torch.model(robot), torch.zeros(0)
+
+    def accelerate(z: Tensor) -> Tensor:
+        return model.forward_dynamics(z, torch.zeros(1), none)
+
+    second = torch.func.jacrev(torch.func.jacrev(accelerate))
+    for z, k in ((0.1, 0.0), (0.0, 0.0), (-0.01, 0.75 * 3e4 / 0.5 / 0.1)):
+        assert float(second(torch.tensor([z], dtype=torch.float64))) == pytest.approx(k, rel=1e-12)
+    with pytest.raises(LinkworkError, match="not finite"):
+        accelerate(torch.tensor([float("nan")]))
 
 
 def test_gradients_by_free_numbers_and_through_a_rollout():

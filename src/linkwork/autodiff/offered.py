@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 
 from linkwork.autodiff.array_function import ArrayFunction
 from linkwork.checks import amount
@@ -30,6 +31,8 @@ RANKS = {
     **dict.fromkeys(("wrenches", "origins", "orientations", "twists"), 2),
 }
 """Dimensions of the results that are not vectors, by name."""
+
+ALIKE = 1e-9  # difference of two ways to the same number, over it
 
 
 class Offered(Mapping[str, ArrayFunction]):
@@ -82,8 +85,14 @@ class Offered(Mapping[str, ArrayFunction]):
     @property
     def _residual(self) -> ca.Function | None:
         """(q, v, u, p), v' -> M v' + C v + G - f - S' u, and M; none where bearings rub by what
-        they carry, whose friction is part of the accelerations."""
-        return None if self.robot.rubs else residual(self.equations)
+        they carry, whose friction is part of the accelerations, and where quaternions that are not
+        of length 1 make it another function than these."""
+        if self.robot.rubs:
+            return None
+        quick, equations = residual(self.equations), self.equations
+        if not equations.tree.quaternions or alike(quick, residual(equations, by_inertia=True)):
+            return quick
+        return None if equations.recursive else residual(equations, by_inertia=True)
 
 
 def functions_of(robot: Robot, chart: State | Sequence[str] | None = None) -> Offered:
@@ -115,11 +124,25 @@ def part(f: ca.Function, outputs: list[str]) -> ca.Function:
     return ca.Function(f.name(), symbols, given, f.name_in(), outputs, {"cse": True})
 
 
-def residual(equations: Equations) -> ca.Function:
-    """Return (q, v, u[, p], v') -> M v' + C v + G - f - S' u, and M."""
+def residual(equations: Equations, by_inertia: bool = False) -> ca.Function:
+    """Return (q, v, u[, p], v') -> M v' + C v + G - f - S' u, and M.
+
+    by_inertia: as most accelerations are found; else by inverse dynamics, in fewer operations
+    """
     tree, v, p = equations.tree, equations.v, equations.p
     u, dv = SX.sym("u", len(equations.mechanism.actuators)), SX.sym("dv", equations.mobility)
-    forces = functions.inverse_dynamics(equations)(tree.q, v, dv, p)[0]
+    if by_inertia:
+        forces = ca.mtimes(equations.inertia[0], dv) + equations.bias_forces(equations.gravity)
+    else:
+        forces = functions.inverse_dynamics(equations)(tree.q, v, dv, p)[0]
     R = forces - ca.mtimes(equations.actuation.T, u)
     free = [p] if p.numel() else []
     return ca.Function("residual", [tree.q, v, u, *free, dv], [R, equations.inertia[0]])
+
+
+def alike(f: ca.Function, g: ca.Function) -> bool:
+    """Tell whether two functions are the same one, by their first results at a random point."""
+    random = np.random.default_rng(0)
+    given = [random.uniform(0.5, 1.5, f.numel_in(i)) for i in range(f.n_in())]
+    first, second = (np.array(each.call(given)[0]) for each in (f, g))
+    return bool(np.abs(first - second).max() <= ALIKE * np.abs(first).max())

@@ -238,6 +238,8 @@ class Frequency(Measure):
 def at_poses(robot: Robot, poses: ArrayLike) -> State:
     """Return the configurations at poses of the tool (K, k)."""
     values = np.atleast_2d(checks.finite(poses, "the poses"))
+    if not values.size:
+        raise LinkworkError("the poses are none; give those of the tool that count")
     return robot.assemble(tool=values.reshape(-1, values.shape[-1]))
 
 
