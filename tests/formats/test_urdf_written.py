@@ -11,6 +11,7 @@ import yaml
 
 import linkwork as lw
 from linkwork.formats import load, save
+from linkwork.formats.poses import from_rpy, to_rpy
 from linkwork.formats.urdf.writer import to_urdf
 from linkwork.mechanism import (
     Body,
@@ -245,3 +246,11 @@ def test_refusals(name, sentence, tmp_path):
     with pytest.raises(MechanismError, match=re.escape(sentence)):
         save(getattr(lw.robots, name)(), tmp_path / "robot.urdf")
     assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize("short", [0.0, 1e-16, 1e-11, 1e-8, 1e-6, 0.1])
+def test_orientations_are_written_to_rounding_where_pitch_is_a_quarter_turn(short):
+    for side in (1.0, -1.0):
+        for roll, yaw in ((0.0, 0.0), (0.4, -1.1), (3.0, 2.5), (-2.0, 0.7)):
+            R = from_rpy(roll, side * (np.pi / 2 - short), yaw)
+            np.testing.assert_allclose(from_rpy(*to_rpy(R)), R, atol=2e-15)

@@ -136,3 +136,13 @@ def to_quaternion(rotation: np.ndarray) -> np.ndarray:
 def from_rpy(roll: float, pitch: float, yaw: float) -> np.ndarray:
     """Return Rz(yaw) Ry(pitch) Rx(roll)."""
     return Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
+
+
+def to_rpy(rotation: np.ndarray) -> tuple[float, float, float]:
+    """Return roll, pitch, yaw of R = Rz(yaw) Ry(pitch) Rx(roll), to rounding at and near pitches of
+    a quarter turn, too: roll is that of Rz(yaw)' R, whatever yaw is there."""
+    (x, *_), (y, *_), (z, *_) = rotation
+    pitch, yaw = np.arctan2(-z, np.hypot(x, y)), np.arctan2(y, x)
+    sine, cosine = np.sin(yaw), np.cos(yaw)
+    _, second, third = (cosine * rotation[1] - sine * rotation[0]).tolist()
+    return np.arctan2(-third, second), pitch, yaw

@@ -14,7 +14,6 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from linkwork.equations.joints import held_length, motions_of, pattern
 from linkwork.formats import poses
@@ -138,9 +137,8 @@ def links_of(sheet: SdfSheet) -> dict[str, str]:
 
 def add_pose(element: ET.Element, X: np.ndarray, **attributes: str) -> None:
     """Add a pose by position and the angles of Rz(yaw) Ry(pitch) Rx(roll)."""
-    angles = Rotation.from_matrix(X[:3, :3]).as_euler("xyz")
     pose = ET.SubElement(element, "pose", attributes)
-    pose.text = f"{numbers(X[:3, 3])} {numbers(angles)}"
+    pose.text = f"{numbers(X[:3, 3])} {numbers(poses.to_rpy(X[:3, :3]))}"
 
 
 def add(element: ET.Element, tag: str, value: float) -> None:

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from linkwork.equations.joints import ElementaryMotion, motions_of
 from linkwork.formats.mjcf.laws import numbers
 from linkwork.formats.notes import Notes
+from linkwork.formats.poses import to_rpy
 from linkwork.formats.urdf.model import NO_LIMIT
 from linkwork.mechanism import GROUND, Limits, Mechanism, MechanismError, PairJoint
 from linkwork.mechanism.effects import Effects
@@ -145,8 +145,7 @@ def add_joint(
 
 def add_origin(element: ET.Element, X: np.ndarray, tag: str = "origin") -> None:
     """Add a pose by position and the angles of Rz(yaw) Ry(pitch) Rx(roll)."""
-    angles = Rotation.from_matrix(X[:3, :3]).as_euler("xyz")
-    ET.SubElement(element, tag, xyz=numbers(X[:3, 3]), rpy=numbers(angles))
+    ET.SubElement(element, tag, xyz=numbers(X[:3, 3]), rpy=numbers(to_rpy(X[:3, :3])))
 
 
 def free_name(sheet: UrdfSheet, wanted: str) -> str:
