@@ -51,7 +51,7 @@ WINGS = {
     "assembling": ("asked", "assembling", "assembly", "closing"),
     "tool paths": (
         *("following", "leading", "led_path", "modes", "path_following", "sides", "task"),
-        "tool_motion",
+        *("tool_motion", "walking"),
     ),
     "whole turns": ("turning", "turns", "whole_turns"),
     "redundant drives": ("actuation",),

@@ -4,7 +4,6 @@ leave it to those."""
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 import linkwork as lw
 from linkwork.model import assembling
-from linkwork.model.asked import Way
 from linkwork.model.assembly import UnreachableError
 from linkwork.model.leading import Leader
 from linkwork.model.task import asked_of
+from linkwork.model.walking import FIRST
 
 from tests.equations.evaluation import close
 
@@ -222,20 +221,50 @@ def test_far_poses_are_met_on_the_mode_of_the_guess(name):
     assert whole.all()
 
 
+def test_one_alone_is_walked_as_one_of_many(case):
+    """To poses and to joint coordinates, near and far, in reach and out of it."""
+    robot, size = case
+    home, random, both = robot.home.q, np.random.default_rng(11), [0, 0]
+    joints = robot.joints_asked(robot.independent)
+    here = robot.home.positions[joints.places]
+    far = here + 1.5 * joints.units * random.uniform(-1, 1, (20, len(here)))
+    for leader, y in (
+        (robot.leader_of_tool(asked_of(robot, size), kept=True), poses_near(robot, size, 0.4, 40)),
+        (robot.leader_of_joints(joints), far),
+    ):
+        q, whole = leader.approached(np.tile(home, (len(y), 1)), y)
+        out, left = leader.outputs(home[None]), np.flatnonzero(~whole)
+        way, mode = leader.least.asked.way(out, y), leader.modes.signs(leader.matrix(out))[0]
+        q[left], whole[left] = leader.walked(home, way, left, mode, leader.step, FIRST)
+        both[0] += int(whole[left].sum())
+        both[1] += int((~whole).sum())
+        for end, met, values in zip(q, whole, y, strict=True):
+            alone, there = leader.walker.walked(home, values)
+            assert there == met
+            close(alone[0], end, 1e-11)
+    assert min(both) > 0
+
+
+def test_straight_ways_are_the_same_told_twice(case):
+    """In expressions and in numbers; of half a turn both take the same side."""
+    robot, size = case
+    home, joints, part = robot.home.q, robot.joints_asked(robot.independent), np.array([0.4])
+    tool = robot.leader_of_tool(asked_of(robot, size), kept=True)
+    for leader in (tool, robot.leader_of_joints(joints)):
+        out, asked = leader.outputs(home[None]), leader.least.asked
+        angles = asked.units == 1
+        here = asked.way(out, np.zeros((1, angles.size)))(np.arange(1), np.zeros(1))[0]
+        for turn in (1e-9, 0.3, 3.0, np.pi, -np.pi, 7.0):
+            y = here + np.where(angles, 0.0, 0.1 * asked.units)
+            y[np.flatnonzero(angles)[-1:]] += turn
+            expected = asked.way(out, y[None])(np.arange(1), part)[0]
+            close(leader.walker.way.flat(home, y, part, robot.p), expected, 1e-12)
+
+
 def test_a_way_that_is_walked_to_its_end_asks_for_no_other(monkeypatch):
-    """Neither is anything else tried, nor once more all of it at once."""
-    robot, parts = lw.Robot(lw.robots.prr3()), []
+    """Neither is anything else tried, nor the whole way walked once more."""
+    robot = lw.Robot(lw.robots.prr3())
     pose = robot.tool_pose(robot.home) + np.array([0.02, 0.02, 0.7])
-    walked = Leader.walked
-
-    def watched(self: Leader, start: np.ndarray, way: Way, *rest: Any) -> Any:
-        def followed(which: np.ndarray, part: np.ndarray) -> np.ndarray:
-            parts.append(float(part[0]))
-            return way(which, part)
-
-        return walked(self, start, followed, *rest)
-
-    monkeypatch.setattr(Leader, "walked", watched)
-    monkeypatch.setattr(Leader, "elsewhere", lambda *given: pytest.fail("it is on the way"))
+    for name in ("approached", "led", "elsewhere"):
+        monkeypatch.setattr(Leader, name, lambda *given: pytest.fail("it is on the way"))
     close(robot.tool_pose(robot.assemble(tool=pose)), pose, 1e-9)
-    assert parts[0] < 1.0 == parts[-1]

@@ -66,12 +66,22 @@ class Asked(Protocol):
         """Return the mechanism's own units of the rows: its own length of lengths, 1 of angles."""
         ...
 
+    @property
+    def wraps(self) -> np.ndarray:
+        """Return which rows are angles that come back after a turn."""
+        ...
+
     def said(self, y: np.ndarray) -> str:
         """Say in a sentence what values (rows) ask for."""
         ...
 
     def expressed(self, equations: Equations) -> Rows:
         """Return the rows in expressions."""
+        ...
+
+    def along(self, equations: Equations, part: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Return values y (rows) as symbols, and what is asked at a part of the straight way to
+        them, in expressions."""
         ...
 
     def error(self, out: Outputs, y: np.ndarray) -> np.ndarray:
@@ -184,9 +194,12 @@ class ToolAsked:
     def _units(self) -> np.ndarray:
         return np.where([is_length(item) for item in self.held], self.length, 1.0)
 
-    @cached_property
+    @property
     def wraps(self) -> np.ndarray:
-        """Which held coordinates are angles that come back after a turn (k)."""
+        return self._wraps
+
+    @cached_property
+    def _wraps(self) -> np.ndarray:
         return np.array([is_angle(item) for item in self.held], bool)
 
     @cached_property
@@ -209,6 +222,19 @@ class ToolAsked:
 
     def expressed(self, equations: Equations) -> Rows:
         return tool_rows(equations, self.held)
+
+    def along(self, equations: Equations, part: ca.SX) -> tuple[ca.SX, ca.SX]:
+        x, y = mapped_rows(equations, self.held)[0], SX.sym("y", len(self.held))
+        there = straight_part(x, y, part, self.wraps)
+        if self.rotation:
+            tool = equations.mechanism.first_tool
+            R = ca.reshape(body_motion.tool_pose(equations.tree, tool).orientation, 3, 3).T
+            begin, end = matrix_quaternion(R), vector_quaternion(y[self.rotation])
+            turn = rotation_vector(quaternion_product(end, begin * ca.DM([1, -1, -1, -1])))
+            there[self.rotation] = rotation_vector(
+                quaternion_product(vector_quaternion(part * turn), begin)
+            )
+        return y, there
 
     def values(self, out: Outputs) -> np.ndarray:
         """Return the held coordinates x (K, k); of a whole rotation vector they are not told."""
@@ -310,6 +336,11 @@ class JointsAsked:
     def expressed(self, equations: Equations) -> Rows:
         return joint_rows(equations, self.what, self.angular.tolist())
 
+    def along(self, equations: Equations, part: ca.SX) -> tuple[ca.SX, ca.SX]:
+        x = ca.vertcat(*[equations.joints.position(name) for name in self.what])
+        y = SX.sym("y", len(self.what))
+        return y, straight_part(x, y, part, self.wraps)
+
     def error(self, out: Outputs, y: np.ndarray) -> np.ndarray:
         error = out["coordinates"][:, self.places] - y
         return np.where(self.wraps, wrapped(error), error)
@@ -324,6 +355,13 @@ class JointsAsked:
 def straight(begin: np.ndarray, shift: np.ndarray) -> Way:
     """Return the ways from values (rows) along shifts (N, rows)."""
     return lambda which, part: begin + part[:, None] * shift[which]
+
+
+def straight_part(begin: ca.SX, y: ca.SX, part: ca.SX, wraps: np.ndarray) -> ca.SX:
+    """Return values at a part of the straight way; wraps: which turn the short way (rows)."""
+    error = begin - y
+    turns = ca.floor((error + np.pi) / (2 * np.pi))
+    return begin - part * (error - 2 * np.pi * ca.DM(wraps.astype(float)) * turns)
 
 
 def joint_rows(equations: Equations, names: Sequence[str], angular: Sequence[bool]) -> Rows:
@@ -396,6 +434,19 @@ def long_name(name: str) -> str:
 def short_way(angle: ca.SX) -> ca.SX:
     """Return an angle [rad] between -pi and pi."""
     return ca.atan2(ca.sin(angle), ca.cos(angle))
+
+
+def vector_quaternion(r: ca.SX) -> ca.SX:
+    """Return the unit quaternion (w, x, y, z) of a rotation vector."""
+    t = ca.sqrt(ca.sumsqr(r) + 1e-300)
+    return ca.vertcat(ca.cos(t / 2), ca.sin(t / 2) / t * r)
+
+
+def quaternion_product(p: ca.SX, other: ca.SX) -> ca.SX:
+    """Return the quaternion (w, x, y, z) of one turn after another."""
+    w, u, v = p[0], p[1:], other[1:]
+    turned = w * v + other[0] * u + ca.cross(u, v)
+    return ca.vertcat(w * other[0] - ca.dot(u, v), turned)
 
 
 def exponential(r: ca.SX) -> ca.SX:

@@ -26,9 +26,8 @@ from linkwork.model.assembly import Assembler, UnreachableError
 from linkwork.model.closing import Approach, Closed, Least, Step, closed
 from linkwork.model.modes import SAMPLES, SPREAD, ModeStages, same
 from linkwork.model.sides import LegSides, side_of
+from linkwork.model.walking import FINEST, FIRST, NEWTON, ROUNDS, Walker
 
-NEWTON = 7  # steps of Newton's method in which it has to contract
-ROUNDS, FINEST = 200, 1 / 64  # steps of a way at most, and the part of it that the shortest one is
 STARTS, ITERATIONS = 48, 40  # random configurations, and Newton's steps from each
 PARTS = 64  # of what is asked that are solved at a time from random configurations
 
@@ -41,6 +40,7 @@ class Leader:
 
     least: steps of least squares
     approach: compiled steps, where closure and what is asked determine the motion
+    walker: takes them for one, the shortest way
     assembler: solves for one, by steps that are shortened until they lead nearer
     modes: what has to keep its signs
     strict: whether what is on another mode is refused, or else taken as it comes
@@ -49,6 +49,7 @@ class Leader:
 
     least: Least
     approach: Approach | None
+    walker: Walker | None
     assembler: Assembler
     modes: ModeStages
     strict: bool
@@ -61,27 +62,35 @@ class Leader:
         Raises:
             UnreachableError: what is not reached, by its number where there are several.
         """
-        q, there = self.approached(start[None].repeat(len(y), axis=0), y)
+        walker = self.walker if len(y) == 1 else None
+        if walker:
+            q, there = walker.walked(start, y[0])
+        else:
+            q, there = self.approached(start[None].repeat(len(y), axis=0), y)
         if there.all():
             return q
         left = np.flatnonzero(~there)
-        q[left], there, mode = self.led(start, y[left])
+        q[left], there, mode = self.led(start, y[left], q if walker else None)
         for k in left[~there]:
             with at(f"{self.least.asked.noun} {k}: ") if len(q) > 1 else nullcontext():
                 q[k] = self.otherwise(start, q[k], y[k], mode)
         return q
 
-    def led(self, start: np.ndarray, y: np.ndarray) -> Found:
+    def led(self, start: np.ndarray, y: np.ndarray, near: np.ndarray | None = None) -> Found:
         """Return how far straight ways to what is asked (K, rows) lead, or what is found besides: q
         (K, nq).
 
         Also which of them are at their ends (K), and the signs of the mode of the start (stages).
+        near: how far they lead (K, nq), where they have been walked in vain.
         """
         out = self.outputs(start[None])
         way, mode = self.least.asked.way(out, y), self.modes.signs(self.matrix(out))[0]
         # Compiled steps were tried all the way at once (`approached`).
-        first = 0.25 if self.approach else 1.0
-        q, there = self.walked(start, way, np.arange(len(y)), mode, self.step, first)
+        first = FIRST if self.approach else 1.0
+        if near is None:
+            q, there = self.walked(start, way, np.arange(len(y)), mode, self.step, first)
+        else:
+            q, there = near, np.zeros(len(y), bool)
         if self.approach and mode.all() and not there.all():
             left = np.flatnonzero(~there)
             q[left], there[left] = self.elsewhere(start, q[left], y[left], mode)

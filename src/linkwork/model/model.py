@@ -32,6 +32,7 @@ from linkwork.model.leading import Leader
 from linkwork.model.modes import ModeStages, modes_of
 from linkwork.model.state import State
 from linkwork.model.turning import own_turning, turnable
+from linkwork.model.walking import Walker
 from linkwork.model.whole_turns import TurnedLabels
 from linkwork.simulation import Turning
 
@@ -173,7 +174,9 @@ class Model:
     def _leader(self, asked: Asked, kept: bool, strict: bool) -> Leader:
         if (key := (asked.names, kept)) not in self._leaders:
             modes = modes_of(self.equations, self.p, asked) if kept else ModeStages()
-            steps = self.least(asked, modes), approach(self.chart, modes, asked)
+            compiled = approach(self.chart, modes, asked)
+            walker = Walker(compiled, modes, self.chart, asked) if compiled else None
+            steps = self.least(asked, modes), compiled, walker
             slides = self.home.positions[~self.labels.angular]
             given = self.assembler, modes, strict, self.mechanism, slides
             self._leaders[key] = Leader(*steps, *given)

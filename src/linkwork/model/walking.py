@@ -1,0 +1,107 @@
+"""Walking: bring one mechanism from a closed configuration to one thing asked, by compiled steps.
+
+What `leading` does of many is done of one here, the shortest way: all of the straight way at once,
+else in steps as long as Newton's method contracts at once and the signs of the mode stay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite
+
+import casadi as ca
+import numpy as np
+
+from linkwork.equations import Equations
+from linkwork.equations.algebra import SX
+from linkwork.equations.reference import CLOSED
+from linkwork.kernels import Kernel
+from linkwork.model.asked import Asked
+from linkwork.model.charts import CompiledChart
+from linkwork.model.closing import CONDITIONS, CONTRACTS, LONGEST, MET, Approach
+from linkwork.model.modes import FLAT, ModeStages
+
+NEWTON = 7  # steps of Newton's method in which it has to contract
+ROUNDS, FINEST = 200, 1 / 64  # steps of a way at most, and the part of it that the shortest one is
+FIRST = 0.25  # part of the way that is tried where all of it at once was not met
+
+
+@dataclass(frozen=True, eq=False)
+class Walker:
+    """Walk to what is asked, one at a time.
+
+    approach: compiled steps; modes: what has to keep its signs; chart: whose equations tell ways
+    """
+
+    approach: Approach
+    modes: ModeStages
+    chart: CompiledChart
+    asked: Asked
+
+    def walked(self, start: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far the straight way to what is asked (rows) leads from a start (nq), on its
+        mode: q (1, nq), and whether to its end (1)."""
+        begun, last = self.contracted(start, y)
+        mode = self.modes.told(self.parts(begun)).tolist()
+        if last is not None and self.fits(last, mode):
+            return last[None, : start.size], np.ones(1, bool)
+        q, part, length = start, 0.0, FIRST
+        for _ in range(ROUNDS):
+            aim = min(1.0, part + length)
+            _, last = self.contracted(q, self.way.flat(start, y, np.array([aim]), self.approach.p))
+            if last is not None and self.fits(last, mode):
+                q, part, length = last[: start.size], aim, 2.0 * length
+            else:
+                length *= 0.25
+            if part == 1 or length <= FINEST:
+                break
+        return q[None].copy(), np.array([part == 1])
+
+    def contracted(self, q: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return what the first of Newton's steps tells, and what the last one does; None for that
+        where they do not contract (`closing.closed`)."""
+        size, longest, begun = q.size, LONGEST, None
+        for _ in range(NEWTON):
+            told = self.approach.kernel.flat(q, y, self.approach.p)
+            begun = told if begun is None else begun
+            q, residual, length = told[:size], told.item(size), told.item(size + 1)
+            near = residual <= CLOSED
+            if not (length <= (MET if near else longest) and isfinite(q @ q)):
+                break
+            if near:
+                return begun, told
+            longest = CONTRACTS * length
+        assert begun is not None
+        return begun, None
+
+    def fits(self, told: np.ndarray, mode: list[float]) -> bool:
+        """Tell whether frames face each other where a step began, and no determinant is against the
+        signs of a mode."""
+        if not told.item(self.size + CONDITIONS - 1) >= 0:
+            return False
+        signed = zip(self.parts(told).tolist(), mode, strict=True)
+        return not any(part * sign < -FLAT for part, sign in signed)
+
+    def parts(self, told: np.ndarray) -> np.ndarray:
+        """Return the determinants (stages) relative to their sizes where a step began."""
+        return told[self.size + CONDITIONS :] / self.approach.sizes
+
+    @cached_property
+    def size(self) -> int:
+        return self.chart.equations.nq
+
+    @cached_property
+    def way(self) -> Kernel:
+        """Return (q, y, part, p) -> what is asked at a part of the straight way from q to y."""
+        asked = self.asked
+        key = f"way {asked.names} {asked.wraps.tolist()}"
+        return self.chart.compiled(key, lambda equations: way(equations, asked))
+
+
+def way(equations: Equations, asked: Asked) -> ca.Function:
+    """Return (q, y, part, p) -> what is asked at a part, from 0 to 1, of the straight way."""
+    part = SX.sym("part")
+    y, there = asked.along(equations, part)
+    inputs = [equations.tree.q, y, part, equations.p]
+    return ca.Function("way", inputs, [ca.densify(there)], {"cse": True})
