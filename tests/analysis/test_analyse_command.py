@@ -156,3 +156,5 @@ def test_numbers_are_found_from_a_table_and_written(tmp_path):
     assert "has x, y of the tool's pose; give x, y, angle" in refused("analyse", *words)
     file.write_text("\n".join([*lines, lines[-1].replace(",", ",9", 1)]))
     assert "poses.csv, line 8: " in refused("analyse", *words)
+    file.write_text(lines[0] + "\n")
+    assert "poses.csv holds no rows below its names" in refused("analyse", *words)

@@ -184,7 +184,8 @@ def test_a_tendon_bounds_what_its_one_actuator_does(tmp_path):
 MOTORS = """
 <pid name="p" joint="j1" kp="4" kv="0.7" input="pos" posrange="-1 1"/>
 <pid name="v" joint="j2" kp="3" dampratio="0.8" input="vel" gear="1.3"/>
-<dcmotor name="e" joint="j4" motorconst="0.5 0.4" resistance="0.8" gear="3" ctrlrange="-2 2"/>
+<dcmotor name="e" joint="j4" motorconst="0.5 0.4" resistance="0.8" gear="3" ctrlrange="-2 2"
+ saturation="-1 0 0"/>
 <dcmotor name="n" joint="j3" nominal="12 3 100" saturation="0 2 0"/>
 <dcmotor name="k" tendon="plain" motorconst="0.3" resistance="2" input="pos" controller="5 0 1"/>
 <dcmotor name="m" tendon="split" motorconst="0.3" nominal="6 2 30" saturation="0.1"/>
@@ -238,3 +239,23 @@ def test_what_a_motor_has_beyond_drives_is_named(actuator, told, tmp_path):
     path = tmp_path / "arm.xml"
     path.write_text(ARM.format(joint="", actuators=actuator))
     assert any(told in note for note in load(path).notes)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "told"),
+    [
+        ("", "no motor constant above 0"),
+        ('motorconst="-0.1" resistance="2"', "no motor constant above 0"),
+        ('nominal="12 0.1"', "no motor constant above 0"),
+        ('motorconst="0.1"', "no resistance above 0"),
+        ('motorconst="0.1" resistance="-1"', "no resistance above 0"),
+        ('motorconst="0.1" resistance="1" inductance="-1"', "an inductance below 0"),
+    ],
+)
+def test_a_motor_without_its_constants_is_refused_as_by_mujoco(numbers, told, tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM.format(joint="", actuators=f'<dcmotor joint="j1" {numbers}/>'))
+    with pytest.raises(ValueError, match="DC motor"):
+        mj.MjModel.from_xml_path(str(path))
+    with pytest.raises(lw.MechanismError, match=f"line .*: <dcmotor.*: has {told}"):
+        load(path)

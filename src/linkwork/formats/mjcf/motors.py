@@ -68,9 +68,11 @@ def _of_motor(element: Element) -> MotorLaw | str:
     if ki or slew or highest:
         return "controller"
     K, R = _constants(element)
-    torque, current, change = _several(element, "saturation", 3)
+    torque, current, change = (max(most, 0.0) for most in _several(element, "saturation", 3))
     L, lag = _several(element, "inductance", 2)
     L = L or lag * R
+    if L < 0:
+        raise element.refusal("has an inductance below 0; give what is not negative")
     largest = torque or K * current
     tokens = element.attributes.get("input", "voltage").split()
     # A controller's torque is what arrives where the current follows at once.
@@ -79,7 +81,7 @@ def _of_motor(element: Element) -> MotorLaw | str:
         return law if isinstance(law, str) else replace(law, largest=largest)
     if L and (change or tokens == ["none"]):
         return "saturation" if change else "inductance"
-    steady = K / R if R else 0.0
+    steady = K / R
     gain = np.array([steady if tokens == ["voltage"] else 0.0, 0, 0])
     return MotorLaw(gain, np.array([0, 0, -K * steady]), largest, L, R, K)
 
@@ -102,8 +104,13 @@ def _constants(element: Element) -> tuple[float, float]:
     voltage, stall, speed = _several(element, "nominal", 3)
     given = (of_torque, of_speed or (voltage / speed if speed else 0.0))
     constants = [each for each in given if each > 0]
-    K = sqrt(constants[0] * constants[-1]) if constants else 0.0
-    return K, element.number("resistance", 0.0) or (K * voltage / stall if stall else 0.0)
+    if not constants or min(of_torque, of_speed) < 0:
+        raise element.refusal("has no motor constant above 0; give motorconst, or all of nominal")
+    K = sqrt(constants[0] * constants[-1])
+    R = element.number("resistance", 0.0) or (K * voltage / stall if stall else 0.0)
+    if R <= 0:
+        raise element.refusal("has no resistance above 0; give resistance, or all of nominal")
+    return K, R
 
 
 def _several(element: Element, name: str, count: int) -> list[float]:
