@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from linkwork.formats import load
-from linkwork.mechanism import MeshFile
+from linkwork.mechanism import MechanismError, MeshFile
 
 from tests.formats import meshes
 
@@ -26,6 +26,7 @@ def read(tmp_path, file="lump.stl", more=""):
     meshes.write_stl(tmp_path / "lump.stl", *meshes.lump())
     vertices, faces = meshes.lump()
     meshes.write_stl(tmp_path / "open.stl", vertices, faces[1:])
+    meshes.write_stl(tmp_path / "flat.stl", vertices * [1, 1, 0], faces)
     path = tmp_path / "model.sdf"
     path.write_text(MODEL.format(turn=0.4, geometry=GEOMETRY.format(file=file, more=more)))
     imported = load(path)
@@ -56,6 +57,7 @@ def test_a_mesh_is_shown(tmp_path):
     [
         ("none.stl", "", "whose mass is left out: its file is not there", "not shown: its file"),
         ("model.sdf", "", "whose mass is left out: its file is no mesh", "is not shown: meshes"),
+        ("flat.stl", "", "whose mass is left out: it encloses no volume", "no volume"),
         ("open.stl", "", "is not closed; its mass is a guess", "not closed"),
         ("lump.stl", "<submesh><name>x</name></submesh>", "the whole mesh is", "says submesh"),
     ],
@@ -65,3 +67,11 @@ def test_what_cannot_be_weighed_or_shown_is_told(file, more, caveat, note, tmp_p
     assert any(caveat in each for each in mechanism.caveats)
     assert any(note in each for each in notes)
     assert mechanism.bodies["a"].mass >= 0.1 * 0.2 * 0.3 * 90
+
+
+def test_a_scale_of_other_than_three_numbers_is_refused_by_its_place(tmp_path):
+    read(tmp_path)
+    path = tmp_path / "model.sdf"
+    path.write_text(path.read_text().replace("2 -1 1.5", "2 -1"))
+    with pytest.raises(MechanismError, match="<scale>: scale holds 2 numbers; give 3"):
+        load(path)

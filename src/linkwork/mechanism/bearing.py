@@ -77,7 +77,14 @@ def bearing_name(joint: str) -> str:
 
 def require_no_bearings(joints: Mapping[str, object], what: str, instead: str) -> None:
     """Refuse what does not know bearings, by the joints' names."""
-    if names := ", ".join(bearings(joints)):
+    if found := bearings(joints):
         raise MechanismError(
-            f"{what} the friction of bearings, which depends on what they carry: {names}; {instead}"
+            f"{what} the friction of {what_rubs(found)}, which depends on what they carry: "
+            f"{', '.join(found)}; {instead}"
         )
+
+
+def what_rubs(found: Mapping[str, Bearing]) -> str:
+    """Return what rubs in a word: bearings, teeth, or both."""
+    teeth = [isinstance(own, GearTeeth) for own in found.values()]
+    return "teeth" if all(teeth) else "bearings and teeth" if any(teeth) else "bearings"

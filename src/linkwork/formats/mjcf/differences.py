@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from linkwork.formats.mjcf.sheet import Sheet
 from linkwork.mechanism import LoadedLength
-from linkwork.mechanism.bearing import bearings
+from linkwork.mechanism.bearing import bearings, what_rubs
 
 
 def tell_differences(sheet: Sheet) -> None:
@@ -34,8 +34,9 @@ def tell_differences(sheet: Sheet) -> None:
         say("limits of speed are left out: MuJoCo has none")
     if any(own.friction.static or own.friction.bristle for own in effects):
         say("static friction and bristles are left out: MuJoCo has frictionloss alone")
-    if named := ", ".join(bearings(sheet.mechanism.joints)):
-        say(f"{named}: the friction of bearings is left out: MuJoCo has none that grows with load")
+    if found := bearings(sheet.mechanism.joints):
+        named, parts = ", ".join(found), what_rubs(found)
+        say(f"{named}: the friction of {parts} is left out: MuJoCo has none that grows with load")
     if sheet.mechanism.contacts:
         say("contacts are left out: MuJoCo's follow another law, by solref and solimp")
     lines = sheet.mechanism.transmissions.values()

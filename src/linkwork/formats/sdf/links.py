@@ -104,21 +104,27 @@ def _of_mesh(collision: Element, density: float, reading: Reading, notes: Notes)
     if mesh is None:
         notes.on(collision, "is no simple shape and no mesh; its mass is left out", alters=True)
         return None
+    # Its triangles, from its file.
     try:
         found = read_mesh(reading.found(*_uri(mesh)))
-        triangles = found.scaled(np.array(_scale(mesh)))
-        solid = weighed(triangles).scaled(density)
     except MechanismError:
         notes.on(collision, f"is a mesh whose mass is left out: {ABSENT}", alters=True)
+        return None
     except LinkworkError as error:
         notes.on(collision, f"is a mesh whose mass is left out: its file {error}", alters=True)
-    else:
-        if triangles.open_edges:
-            notes.on(collision, "is a mesh that is not closed; its mass is a guess", alters=True)
-        if mesh.first("submesh") is not None:
-            notes.on(collision, "says submesh; the whole mesh is weighed", alters=True)
-        return solid
-    return None
+        return None
+    triangles = found.scaled(np.array(_scale(mesh)))
+    # What they enclose.
+    try:
+        solid = weighed(triangles).scaled(density)
+    except LinkworkError as error:
+        notes.on(collision, f"is a mesh whose mass is left out: {error}", alters=True)
+        return None
+    if triangles.open_edges:
+        notes.on(collision, "is a mesh that is not closed; its mass is a guess", alters=True)
+    if mesh.first("submesh") is not None:
+        notes.on(collision, "says submesh; the whole mesh is weighed", alters=True)
+    return solid
 
 
 def shapes_of_link(scope: Scope, link: Element, reading: Reading, notes: Notes) -> Iterator[Shape]:
