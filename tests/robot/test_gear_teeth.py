@@ -134,7 +134,9 @@ def test_what_does_not_fit_is_refused():
     second = lw.GearJoint(ratios={"motor": 1.0, "drum": -N})
     with pytest.raises(lw.MechanismError, match=r"mesh\.teeth: .*open what this gear transmits"):
         lw.Robot(twice.model_copy(update={"joints": {**twice.joints, "second": second}}))
-    with pytest.raises(lw.MechanismError, match=r"steps in C leave out the friction of teeth.*mesh"):
+    with pytest.raises(
+        lw.MechanismError, match=r"steps in C leave out the friction of teeth.*mesh"
+    ):
         lw.export.c(hoist(), ["step"])
 
 

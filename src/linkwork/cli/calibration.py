@@ -98,7 +98,9 @@ def measured_poses(robot: Robot, asked: MeasuredTable, near: State) -> analysis.
             + ("" if robot.planar else ", or x, y, z alone")
         )
     if not lines:
-        raise LinkworkError(f"{asked.poses} holds no rows below its names; give one for each sample")
+        raise LinkworkError(
+            f"{asked.poses} holds no rows below its names; give one for each sample"
+        )
     positions = []
     with patience("closing the loops"):
         for k, line in enumerate(lines):
