@@ -347,6 +347,20 @@ def test_numbers_that_open_a_loop_of_redundant_rows_are_refused():
         analysis.observability(free, state, measure="nothing", joints=[name])
 
 
+def test_as_many_rows_as_numbers_tell_no_deviation(rpr):
+    """All three of one pose's readings go into three numbers; nothing tells the noise."""
+    robot, states = rpr
+    some = lw.Robot(robot.mechanism).free(*(f"slide_{i}.frames.0.position.x" for i in (1, 2, 3)))
+    one = some.state(states.positions[:1])
+    pose = some.tool_pose(one) + 1e-5
+    found = analysis.calibrate(some, analysis.MeasuredPoses(one, pose))
+    assert found.freedoms == 0 and np.isinf(found.deviations).all()
+    assert np.isinf(found.covariance).all()
+    noise = {"position": 1e-5, "rotation": 1e-5}
+    stated = analysis.calibrate(some, analysis.MeasuredPoses(one, pose, **noise))
+    assert np.isfinite(stated.deviations).all()
+
+
 def test_deviations_where_nothing_remains_are_zero_or_infinite(rpr):
     """Of what is not seen by itself no product of nothing and infinity is told."""
     robot, states = rpr

@@ -83,13 +83,19 @@ class Calibration:
 
     @property
     def scale(self) -> float:
-        """s, by which the noise differs from that of the rows' weights: 1 where it is stated."""
-        return 1.0 if self.weighed else float(np.sqrt(self.chi_square / max(self.freedoms, 1)))
+        """s, by which the noise differs from that of the rows' weights: 1 where it is stated,
+        infinite where it is not and no row is left over to tell it."""
+        if self.weighed:
+            return 1.0
+        return float(np.sqrt(self.chi_square / self.freedoms)) if self.freedoms else np.inf
 
     @property
     def covariance(self) -> np.ndarray:
         """Covariance of the numbers (np x np) in what is seen of them, in their units."""
-        return self.scale**2 * self.observability.covariance
+        covariance = self.observability.covariance
+        if np.isinf(self.scale):
+            return np.full_like(covariance, np.inf)
+        return self.scale**2 * covariance
 
     @property
     def deviations(self) -> np.ndarray:
