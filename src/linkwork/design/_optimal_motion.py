@@ -319,7 +319,7 @@ def refuse_cost(robot: Robot, minimise: str, duration: float | None) -> None:
     if (minimise == "effort") != (duration is not None):
         raise LinkworkError("give a duration for the least effort, and none for the least time")
     if duration is not None:
-        checks.positive(duration, "the duration", " s")
+        checks.positive(duration, "the duration", "s")
         if len({robot.unit(name) for name in robot.actuators}) > 1:
             raise LinkworkError(
                 "some actuators turn and others slide, whose forces have no common square; take "

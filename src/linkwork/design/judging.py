@@ -119,7 +119,7 @@ class PeakForce(Measure):
     samples: int = 41
 
     def __post_init__(self) -> None:
-        checks.positive(self.duration, "the duration", " s")
+        checks.positive(self.duration, "the duration", "s")
         if checks.count(self.samples, "the number of samples") < FEWEST:
             raise LinkworkError(f"the samples are {self.samples}; give {FEWEST} or more")
 
