@@ -141,7 +141,10 @@ def read(path: str | Path, reading: Reading = PLAIN) -> Imported:
         mechanism = floated(mechanism, path.name, notes)
     from linkwork.formats.weightless import tell
 
-    tell(mechanism, path.name, notes)
+    try:
+        tell(mechanism, path.name, notes)
+    except MechanismError as refusal:  # of the reference, which another may replace
+        notes.say(f"{path.name}: {refusal}", alters=True)
     return Imported(mechanism.model_copy(update={"caveats": notes.caveats()}), notes.sentences())
 
 
