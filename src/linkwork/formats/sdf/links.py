@@ -18,6 +18,7 @@ from linkwork.formats import poses
 from linkwork.formats.notes import Notes
 from linkwork.formats.reading import Reading
 from linkwork.formats.sdf.scopes import Scope, read_pose
+from linkwork.formats.shown_meshes import can_be_shown
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     Box,
@@ -29,7 +30,7 @@ from linkwork.mechanism import (
     Shape,
     Sphere,
 )
-from linkwork.solids.mesh_files import SUFFIXES, read_mesh
+from linkwork.solids.mesh_files import read_mesh
 from linkwork.solids.solid import Solid, together
 from linkwork.solids.triangles import weighed
 from linkwork.solids.uniform import principal, volume
@@ -173,12 +174,7 @@ def _shown(
         notes.on(visual, f"is a mesh that is not shown: {ABSENT}")
         return
     scale = _scale(mesh)
-    if path.suffix.lower() not in SUFFIXES:
-        kind = path.suffix or "without a suffix"
-        notes.on(visual, f"is not shown: meshes are {', '.join(SUFFIXES)} here, not {kind}")
-    elif 0 in scale:
-        notes.on(visual, "is not shown: its mesh has a scale of 0")
-    else:
+    if can_be_shown(visual, path, scale, notes):
         yield mesh.make(MeshFile, file=str(path), scale=scale, **fields)
 
 

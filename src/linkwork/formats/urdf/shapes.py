@@ -17,6 +17,7 @@ import numpy as np
 from linkwork.formats import poses
 from linkwork.formats.notes import Notes
 from linkwork.formats.reading import Reading
+from linkwork.formats.shown_meshes import can_be_shown
 from linkwork.formats.urdf.model import UrdfModel, origin
 from linkwork.formats.xml import Element, shortened
 from linkwork.mechanism import (
@@ -30,7 +31,6 @@ from linkwork.mechanism import (
     Shape,
     Sphere,
 )
-from linkwork.solids.mesh_files import SUFFIXES
 
 FEW = 4  # kinds of geometry in one sentence
 SHAPES = ("box", "cylinder", "sphere", "capsule")
@@ -102,12 +102,7 @@ def _mesh(
     except MechanismError:
         notes.on(visual, ABSENT)
         return
-    if path.suffix.lower() not in SUFFIXES:
-        kind = path.suffix or "without a suffix"
-        notes.on(visual, f"is not shown: meshes are {', '.join(SUFFIXES)} here, not {kind}")
-    elif 0 in scale:
-        notes.on(visual, "is not shown: its mesh has a scale of 0")
-    else:
+    if can_be_shown(visual, path, scale, notes):
         frame = poses.frame_of(origin(visual))
         yield mesh.make(MeshFile, file=str(path), scale=scale, frame=frame, colour=colour)
 
