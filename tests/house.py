@@ -194,10 +194,14 @@ def core_files() -> list[tuple[str, int]]:
     return [(path.relative_to(SOURCE).as_posix(), lines) for path, lines in found]
 
 
-if __name__ == "__main__" and sys.argv[1:] == ["core"]:
-    for name, count in core_files():
-        print(f"{count:6}  {name}")
-elif __name__ == "__main__":
+def main(asked: list[str]) -> str | None:
+    """Print what is asked for; return what is wrong with that, if anything."""
+    if asked == ["core"]:
+        for name, count in core_files():
+            print(f"{count:6}  {name}")
+        return None
+    if asked:
+        return f"there is no table {' '.join(asked)!r}; give core, or nothing for all packages"
     lines, stated = sizes()
     print(f"{'':20} {'lines':>6} {'statements':>10}")
     for name, count in lines.most_common():
@@ -205,3 +209,8 @@ elif __name__ == "__main__":
     core = [sum(counted[name] for name in CORE) for counted in (lines, stated)]
     print(f"{'core':20} {core[0]:6} {core[1]:10}")
     print(f"{'all':20} {lines.total():6} {stated.total():10}")
+    return None
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

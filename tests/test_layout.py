@@ -21,7 +21,7 @@ from tests.house import SOURCE, modules
 
 STAGES = (
     "errors moved notebooks patience",
-    "checks",
+    "checks readonly",
     "ipopt",
     "threads",
     "solids",

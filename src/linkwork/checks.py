@@ -44,13 +44,30 @@ def amount_is(number: int, what: str) -> str:
     return f"{amount(number, what)} {'is' if number == 1 else 'are'}"
 
 
+def has_truth(values: object) -> bool:
+    """Tell whether a truth value is among numbers: NumPy would take it for 0 or 1."""
+    if isinstance(values, np.ndarray | np.generic):
+        return values.dtype.kind == "b" or (values.dtype.kind == "O" and has_truth(values.tolist()))
+    return isinstance(values, bool) or (
+        isinstance(values, list | tuple) and any(map(has_truth, values))
+    )
+
+
+def plain(value: object) -> object:
+    """Return what stands for a number in a description; refuse a truth value, as a field does."""
+    if has_truth(value):
+        raise ValueError(f"{value} is a truth value; give a number")
+    return value
+
+
 def finite(values: ArrayLike, what: str) -> np.ndarray:
     """Return values as floats; refuse what is not a finite number."""
-    if isinstance(values, float | int) and isfinite(values):
+    if isinstance(values, float | int) and not isinstance(values, bool) and isfinite(values):
         return np.array(values, float)
     try:
         given = np.asarray(values)
-        array = given.astype(float) if given.dtype.kind in "biufO" else None
+        numeric = given.dtype.kind in "iufO" and not has_truth(values)
+        array = given.astype(float) if numeric else None
     except (TypeError, ValueError, RuntimeError, NotImplementedError):
         array = None
     if array is None:
@@ -64,7 +81,7 @@ def finite(values: ArrayLike, what: str) -> np.ndarray:
 
 def number(value: object, what: str) -> float:
     """Return one number; refuse what is none, or not finite."""
-    if isinstance(value, float | int) and isfinite(value):
+    if isinstance(value, float | int) and not isinstance(value, bool) and isfinite(value):
         return float(value)
     array = finite(value, what)  # pyright: ignore[reportArgumentType]
     if array.ndim:

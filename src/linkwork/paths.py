@@ -256,7 +256,7 @@ def fixed_orientation(orientation: float | Sequence[float] | None, size: int) ->
 def finite(what: str, values: Sequence[float], sizes: tuple[int, ...] = ()) -> np.ndarray:
     """Return finite numbers, as many as one of some sizes where there are any."""
     try:
-        array = np.asarray(values, float)
+        array = np.empty((0, 0)) if checks.has_truth(values) else np.asarray(values, float)
     except (TypeError, ValueError):
         array = np.empty((0, 0))
     fits = array.size in sizes if sizes else array.size > 0

@@ -137,7 +137,10 @@ def test_limits_springs_gears_and_actuated_freedoms_are_told(capsys, without_ker
             "knob": lw.SphericalJoint(
                 connects=("sleeve", "ball"), limits={"turn": lw.Limits(upper=1.5)}
             ),
-            "wheels": lw.GearJoint(ratios={"hinge": 1, "tube.angle": -2}),
+            "wheels": lw.GearJoint(
+                ratios={"hinge": 1, "tube.angle": -2},
+                teeth={"at": "hinge", "friction": {"coefficient": 0.1}},
+            ),
         },
         springs={
             "coil": lw.PointSpring(
@@ -156,6 +159,8 @@ def test_limits_springs_gears_and_actuated_freedoms_are_told(capsys, without_ker
     assert (
         fact(text, "springs") == "hinge 3 N m/rad; tube.slide 40 N/m; coil (ground - ball) 500 N/m"
     )
+    bearings = fact(text, "bearings")
+    assert bearings == "wheels rubs by its teeth, at hinge, with the coefficient 0.1"
     lines = {
         line.split()[0]: " ".join(line.split()) for line in text.split("\n\n")[1].splitlines()[2:]
     }

@@ -312,6 +312,8 @@ def test_modes_and_names_that_there_are_not():
         Environment(reaching(), render_mode="human")
     with pytest.raises(lw.LinkworkError, match="made without pictures; make them with render_mode"):
         Environments(reaching(), 2).render()
+    with pytest.raises(lw.LinkworkError, match="no episode has begun; reset the environments bef"):
+        Environments(reaching(), 2, render_mode="rgb_array").render()
     with pytest.raises(lw.LinkworkError, match=r"is no linkwork.gym.DecisionProcess"):
         Environments("Reach", 2)  # pyright: ignore[reportArgumentType]
 

@@ -39,6 +39,14 @@ actuators: [%s]
             "transmissions: {x: {type: displacement, body: a, base: b, moment: [1, 0, 0]}}",
             "transmissions.x: there is no body 'b'",
         ),
+        (
+            "transmissions: {x: {type: slider_crank, pin: {body: a}, body: a, rod: 1}}",
+            "transmissions.x: acts between 'a' and itself, where nothing moves; name two bodies",
+        ),
+        (
+            "transmissions: {x: {type: displacement, body: a, base: a, force: [1, 0, 0]}}",
+            "transmissions.x: acts between 'a' and itself",
+        ),
         ("drives: {j: {gain: 3}}", "drives.j.type: is missing; give the type of a drive"),
         ("drives: {k: {type: servo}}", "there is no actuator 'k'"),
         ("drives: {j: {type: servo, gane: 3}}", "drives.j.gane: .*did you mean gain"),

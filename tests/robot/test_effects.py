@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 import linkwork as lw
 from linkwork.robots import bennett
-from linkwork.runs.endings import passed_limits
 
 from tests.equations.evaluation import close
 
@@ -250,11 +251,29 @@ def test_limits_passed_are_reported_by_state_and_along_a_run():
     )
     run = robot.simulate(robot.home.with_rates([1.0]), duration=1.0, save_at=np.linspace(0, 1, 11))
     assert run.status is lw.Status.FINISHED
-    assert passed_limits(robot, run) == (
+    assert robot.limits_passed(run) == (
         "joint is above its upper limit 0.5 from t = 0.6 s on: it reaches 1",
     )
     stack = robot.state([[0.0], [0.7], [0.9]])
     assert robot.limits_passed(stack) == ("joint is above its upper limit 0.5: it reaches 0.9",)
+
+
+@pytest.mark.parametrize("save_at", [None, np.linspace(0, 1, 11)], ids=["ends", "saved"])
+def test_limits_passed_are_reported_for_members_as_for_single_runs(save_at):
+    """Members of one push each: u t / m at most, u t^2 / 2 m far."""
+    slide = to_body(lw.PrismaticJoint, limits=lw.Limits(upper=0.6, speed=1.1))
+    robot = one_body(slide, actuators=("joint",))
+    m = float(robot.mass_matrix(robot.home)[0, 0])
+    pushes = m * np.array([[1.0], [1.16], [1.9]])
+    many = robot.ensemble(robot.home, pushes, duration=1.0, save_at=save_at)
+    for member, push in enumerate(pushes):
+        run = robot.simulate(robot.home, push, duration=1.0, save_at=save_at)
+        alone = robot.limits_passed(run if save_at is not None else run.final)
+        told = tuple(
+            re.sub(" from t = 1 s on" if save_at is None else "$", "", said)
+            for said in many.limits_passed(member)
+        )
+        assert told == alone and len(told) == (0, 1, 2)[member]
 
 
 def test_limits_of_speed_are_reported_by_state_and_along_a_run():
@@ -267,9 +286,11 @@ def test_limits_of_speed_are_reported_by_state_and_along_a_run():
     robot = lw.Robot(robot.mechanism.model_copy(update={"actuators": ("joint",)}))
     m = float(robot.mass_matrix(robot.home)[0, 0])
     run = robot.simulate(robot.home, [2 * m], duration=1.0, save_at=np.linspace(0, 1, 11))
-    assert passed_limits(robot, run) == (
+    assert robot.limits_passed(run) == (
         "joint is above its limit of speed 1 from t = 0.6 s on: it reaches 2",
     )
+    with pytest.raises(lw.LinkworkError, match="the run is one of another robot, with the joints"):
+        lw.Robot("four_bar").limits_passed(run)
     ball = one_body(to_body(lw.SphericalJoint, limits={"turn": lw.Limits(speed=1.0)}))
     for rate, passed in ((0.57, False), (0.58, True)):
         told = ball.limits_passed(ball.home.with_rates(3 * [rate]))

@@ -338,5 +338,9 @@ def test_patterns_free_all_numbers_that_they_match():
         *sorted({*masses} - {"platform.mass"}, key=masses.index),
     ]
     assert free.parameters == lw.Robot("prr3").free(*free.parameters).parameters
+    with pytest.raises(
+        lw.LinkworkError, match=r"'\*' matches numbers that cannot all be free at a t"
+    ):
+        lw.Robot("prr3").free("*")
     with pytest.raises(lw.LinkworkError, match=r"'link_9.\*' matches no number that can"):
         robot.free("link_9.*")

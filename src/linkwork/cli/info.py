@@ -10,6 +10,7 @@ from linkwork.cli.catalogue import built
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience, show_json, table
 from linkwork.mechanism import GROUND, GearJoint, Joint
+from linkwork.mechanism.bearing import Bearing, GearTeeth, bearings
 from linkwork.mechanism.joints import SLIDES, TYPES, OneFreedom
 from linkwork.robot import Robot
 
@@ -41,7 +42,8 @@ def structure(robot: Robot) -> dict[str, Any]:
     Keys: name, mobility, gruebler (what Gruebler's formula gives for it), planar, actuators,
     bodies, joints (name, type, connects two bodies, couples coordinates by ratios, role "tree",
     "cut" or "gear", actuated rates, limits, speed_limits and
-    spring stiffness by freedom), springs (between points:
+    spring stiffness by freedom, bearing: the coefficient and, of a gear's teeth, the coordinate at
+    which they rub), springs (between points:
     name, connects, stiffness), loops, redundant (rows that depend on others), idle (freedoms that
     move one member only), quantities (values by name), chart (independent rates, kept
     rows, elimination).
@@ -90,7 +92,16 @@ def joint_facts(robot: Robot, name: str, joint: Joint) -> dict[str, Any]:
         "stiffness": {
             freedom: own.spring.stiffness for freedom, own in effects if own.spring.stiffness
         },
+        "bearing": bearing_facts(bearings({name: joint}).get(name)),
     }
+
+
+def bearing_facts(own: Bearing | None) -> dict[str, Any]:
+    """Return what rubs by what it carries, of a joint or of a gear's teeth; nothing of others."""
+    if own is None:
+        return {}
+    at = {"at": own.at} if isinstance(own, GearTeeth) else {}
+    return {"coefficient": own.friction.coefficient, **at}
 
 
 def kernel_facts(robot: Robot, name: str) -> dict[str, Any]:
@@ -121,6 +132,7 @@ def print_tables(found: dict[str, Any]) -> None:
         ("idle freedoms", "; ".join(found["idle"]) or "none"),
         ("limits", "; ".join(limits(found["joints"])) or "none"),
         ("springs", "; ".join(springs(found)) or "none"),
+        *([("bearings", told)] if (told := "; ".join(rubbing(found["joints"]))) else []),
         *([("quantities", quantities(found))] if found["quantities"] else []),
         ("independent", ", ".join(chart["independent"])),
         ("elimination", elimination(chart)),
@@ -212,6 +224,13 @@ def springs(found: dict[str, Any]) -> Iterator[str]:
             )
     for spring in found["springs"]:
         yield f"{spring['name']} ({' - '.join(spring['connects'])}) {spring['stiffness']:g} N/m"
+
+
+def rubbing(joints: list[dict[str, Any]]) -> Iterator[str]:
+    for joint in joints:
+        if own := joint["bearing"]:
+            where = f" by its teeth, at {own['at']}," if "at" in own else ""
+            yield f"{joint['name']} rubs{where} with the coefficient {own['coefficient']:g}"
 
 
 def quantities(found: dict[str, Any]) -> str:

@@ -46,7 +46,7 @@ def drive(given: Mapping[str, Any], where: tuple[str, ...]) -> control.Drive:
             raise MechanismError(
                 f"is not a known field{near}; the fields here are {', '.join(own)}", (*where, name)
             )
-        if not isinstance(value, int | float):
+        if isinstance(value, bool) or not isinstance(value, int | float):
             raise MechanismError(f"{value!r} is not a number", (*where, name))
     for name in own:
         if name in needed and name not in numbers:

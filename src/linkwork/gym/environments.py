@@ -192,7 +192,8 @@ class Environments(VectorEnv):
         """Return a picture of each robot, (height, width, 3) numbers from 0 to 255.
 
         Raises:
-            LinkworkError: environments that were made without render_mode="rgb_array".
+            LinkworkError: environments that were made without render_mode="rgb_array", or that no
+                episode has begun in.
         """
         return tuple(self.picture(i) for i in range(self.num_envs))
 
@@ -203,6 +204,8 @@ class Environments(VectorEnv):
                 "these environments were made without pictures; make them with "
                 "render_mode='rgb_array'"
             )
+        if self._draws is None:
+            raise LinkworkError("no episode has begun; reset the environments before their picture")
         # Matplotlib is asked for where pictures are.
         from linkwork.views.camera import Camera
 

@@ -67,6 +67,12 @@ def check_transmissions(
             own = ("path",) if isinstance(line, Cable) else ()
             for body in line.bodies:
                 require(body, every, "body", (*where, *own))
+            if not isinstance(line, Cable) and line.bodies[0] == line.bodies[1]:
+                raise MechanismError(
+                    f"acts between {line.bodies[0]!r} and itself, where nothing moves; name two "
+                    "bodies",
+                    where,
+                )
 
 
 def check_actuators(

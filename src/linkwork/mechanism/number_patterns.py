@@ -37,8 +37,20 @@ def freed(mechanism: Mechanism, free: Sequence[str], paths: Sequence[str]) -> tu
         if is_pattern(path):
             taken = {located(mechanism, each)[0] for each in found}
             own = [each for each in own if located(mechanism, each)[0] not in taken]
+            require_together(mechanism, path, [*found, *own])
         found += own
     return tuple(found)
+
+
+def require_together(mechanism: Mechanism, pattern: str, paths: list[str]) -> None:
+    """Refuse a pattern of numbers each of which can be free, but not all of them at a time."""
+    try:
+        free_numbers(mechanism, paths)
+    except LinkworkError as error:
+        raise LinkworkError(
+            f"{pattern!r} matches numbers that cannot all be free at a time; give patterns of "
+            f"fewer, such as '*.mass': {error}"
+        ) from None
 
 
 def matching(mechanism: Mechanism, pattern: str) -> list[str]:

@@ -5,8 +5,17 @@ from __future__ import annotations
 import sys
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    WithJsonSchema,
+)
 
+from linkwork.checks import plain
 from linkwork.mechanism.refusal import VANISHES, MechanismError, first_refusal, shown
 
 __all__ = [
@@ -38,12 +47,11 @@ def followed(number: float) -> float:
     return 0.0 if abs(number) < sys.float_info.min else number
 
 
-Real = Annotated[float, Field(allow_inf_nan=False), AfterValidator(held_in_full)]
-Amount = Annotated[float, Field(ge=0, le=HUGE, allow_inf_nan=False), AfterValidator(held_in_full)]
-Positive = Annotated[float, Field(gt=0, le=HUGE, allow_inf_nan=False), AfterValidator(held_in_full)]
-Component = Annotated[
-    float, Field(ge=-HUGE, le=HUGE, allow_inf_nan=False), AfterValidator(held_in_full)
-]
+PLAIN, FULL = BeforeValidator(plain), AfterValidator(held_in_full)
+Real = Annotated[float, Field(allow_inf_nan=False), PLAIN, FULL]
+Amount = Annotated[float, Field(ge=0, le=HUGE, allow_inf_nan=False), PLAIN, FULL]
+Positive = Annotated[float, Field(gt=0, le=HUGE, allow_inf_nan=False), PLAIN, FULL]
+Component = Annotated[float, Field(ge=-HUGE, le=HUGE, allow_inf_nan=False), PLAIN, FULL]
 Vector3 = tuple[Component, Component, Component]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.checks import amount_is as amount_is
 from linkwork.checks import at as at
-from linkwork.checks import finite, shown
+from linkwork.checks import finite, has_truth, shown
 from linkwork.checks import known as known
 from linkwork.checks import names as names
 from linkwork.checks import number as number
@@ -104,11 +104,13 @@ def vector(
     if isinstance(values, Mapping):
         return values_by_name(values, names, what, kind)
     try:
-        array = np.asarray(values, float)
+        array = None if has_truth(values) else np.asarray(values, float)
     except (TypeError, ValueError):
+        array = None
+    if array is None:
         raise LinkworkError(
             f"{what} is {shown(values)}; give {len(names)} numbers: {', '.join(names)}"
-        ) from None
+        )
     if array.shape[-1:] != (len(names),):
         refuse_shape(array, what, names)
     return array

@@ -34,10 +34,11 @@ from linkwork.model.state import State
 from linkwork.model.turning import own_turning, turnable
 from linkwork.model.walking import Walker
 from linkwork.model.whole_turns import TurnedLabels
+from linkwork.readonly import FreeNumbers, SetOnce
 from linkwork.simulation import Turning
 
 
-class Model:
+class Model(SetOnce):
     """Hold a mechanism, its equations in one or more charts, and their kernels, which are compiled
     when first needed.
 
@@ -57,8 +58,9 @@ class Model:
         self.equations: Equations = derived(*self.asked)
         for caveat in self.equations.caveats:
             warnings.warn(caveat, ModelWarning, stacklevel=2)
-        self.parameters: dict[str, float] = dict(self.equations.parameters)
+        self.parameters: dict[str, float] = FreeNumbers(self.equations.parameters)
         self.p = np.array(list(self.parameters.values()))
+        self.p.flags.writeable = False
         self.chart = CompiledChart(self.equations, self.p)
         self.labels = TurnedLabels(self.chart)
         checks.known(wanted, self.equations.tree.rates, "rate of the tree")

@@ -20,6 +20,7 @@ from linkwork.mechanism import Mechanism
 from linkwork.mechanism.numbers import edited
 from linkwork.model import checks
 from linkwork.model.model import Model
+from linkwork.readonly import FreeNumbers
 
 Known = TypeVar("Known", bound=Model)
 
@@ -37,29 +38,33 @@ def with_parameters(robot: Known, values: Mapping[str, float]) -> Known:
         )
     checks.known(values, tuple(robot.parameters), "free parameter")
     given = {path: checks.number(value, f"parameter {path!r}") for path, value in values.items()}
-    mechanism, parameters = edited(robot.mechanism, given), robot.parameters | given
+    mechanism = edited(robot.mechanism, given)
+    parameters = FreeNumbers(robot.parameters | given)
     p = np.array(list(parameters.values()))
+    p.flags.writeable = False
     # All of the robot but what was found with the former values.
     other = object.__new__(type(robot))
     for name, value in vars(robot).items():
         if not isinstance(getattr(type(robot), name, None), cached_property):
-            setattr(other, name, value)
-    other.mechanism, other.parameters, other.p = mechanism, parameters, p
-    other.origin = robot if robot.origin is None else robot.origin
-    other.chart = robot.chart.with_parameters(p)
-    other.charts, other.run_charts = (
-        robot.charts.with_parameters(p),
-        robot.run_charts.with_parameters(p),
+            vars(other)[name] = value
+    vars(other).update(
+        mechanism=mechanism,
+        parameters=parameters,
+        p=p,
+        origin=robot if robot.origin is None else robot.origin,
+        chart=robot.chart.with_parameters(p),
+        charts=robot.charts.with_parameters(p),
+        run_charts=robot.run_charts.with_parameters(p),
     )
     other.charts[other.independent] = other.chart
     # Where a length changes the loops close elsewhere.
     closed = reference(other, mechanism)
     refuse_held(other, closed)
     if closed is not robot.equations.reference:
-        other.equations = robot.equations.about(closed)
-        other.coordinates = (
-            mechanism.coordinates
-        )  # an object of its own: states of the other robot are looked at
+        # Coordinates that are an object of their own: states of the other robot are looked at.
+        vars(other).update(
+            equations=robot.equations.about(closed), coordinates=mechanism.coordinates
+        )
     return other
 
 

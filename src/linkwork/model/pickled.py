@@ -47,7 +47,7 @@ def again(kind: type[Kind], made: Made) -> Kind:
     if made.parameters != robot.parameters:
         robot = with_parameters(robot, made.parameters)
     if not np.array_equal(robot.equations.reference, made.reference):
-        robot.equations = robot.equations.about(made.reference)
+        vars(robot)["equations"] = robot.equations.about(made.reference)
     for names, chart in made.charts.items():
         if names not in robot.charts:
             robot.charts[names] = CompiledChart(robot.equations.in_chart(chart), robot.p)

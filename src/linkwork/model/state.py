@@ -10,16 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import amount, shown
+from linkwork.checks import amount, finite, shown
 from linkwork.errors import LinkworkError
 from linkwork.notebooks import Portrayed
+from linkwork.readonly import ReadOnlyArrays
 from linkwork.simulation.variables import LazyAttribute
 
 SHOWN = 6  # names in a repr
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class State(ReadOnlyArrays):
     """Hold a closed configuration and its independent rates; leading dimensions stack states.
 
     positions: coordinates of all joints (..., m) [m, rad; 1 of quaternions], in the order of
@@ -75,12 +76,8 @@ class State:
                     f"rates of {', '.join(map(str, rates))} do not fit; give some of {names}"
                 )
             rates = [rates.get(name, 0.0) for name in self.independent]
-        try:
-            values = np.asarray(rates, float)
-        except (TypeError, ValueError):
-            raise LinkworkError(f"rates {shown(rates)} are no numbers; give {n}: {names}") from None
-        shape = (*self.batch, n)
-        if values.shape not in (shape, shape[-1:]) or not np.isfinite(values).all():
+        values, shape = finite(rates, "the rates"), (*self.batch, n)
+        if values.shape not in (shape, shape[-1:]):
             raise LinkworkError(
                 f"rates {shown(values.tolist())} do not fit; give {n} finite numbers: {names}"
             )
@@ -128,7 +125,7 @@ class Reached(State):
 
 
 @dataclass(frozen=True, eq=False)
-class Motion(Portrayed):
+class Motion(ReadOnlyArrays, Portrayed):
     """Hold a motion of the whole mechanism over time (K samples).
 
     time: (K,) [s]; state: the K states; accelerations: of the independent rates (K, n)

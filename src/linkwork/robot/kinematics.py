@@ -15,6 +15,8 @@ from linkwork.mechanism.task import TaskCoordinate, labels
 from linkwork.model import checks, dexterity, evaluation, limits, task
 from linkwork.model.model import Model
 from linkwork.model.state import State
+from linkwork.runs.endings import passed_limits
+from linkwork.simulation import Run
 
 if TYPE_CHECKING:
     from linkwork.gradients.records import ClosureDerivatives, ToolDerivatives
@@ -192,8 +194,10 @@ class Kinematics(Model):
         q = self.own(state).q
         return np.maximum(self.kernel("closure_step")(q)[1][..., 0], self.chart.unheld_gap(q))
 
-    def limits_passed(self, state: State) -> tuple[str, ...]:
-        """Return one sentence for each joint coordinate that lies outside its limits in a state,
-        and for each rate that is above its own."""
+    def limits_passed(self, state: State | Run) -> tuple[str, ...]:
+        """Return one sentence for each joint coordinate that lies outside its limits in a state or
+        at a run's saved times, and for each rate that is above its own."""
+        if isinstance(state, Run):
+            return passed_limits(self, state)
         own, fast = self.own(state), any(speed_limited(self.mechanism))
         return limits.passed(self, own.positions, self.joint_rates(own) if fast else None)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkwork.control.tracing import reason
+from linkwork.errors import LinkworkError
 from linkwork.model import limits
 from linkwork.runs.accuracy import Compared, without_turns
 from linkwork.runs.fault_sources import fault_source
@@ -230,5 +231,10 @@ def closure_error(segment: Segment) -> float:
 
 def passed_limits(robot: Model, run: Run) -> tuple[str, ...]:
     """Return one sentence for each joint limit that is passed at a run's saved times."""
+    if tuple(run.coords["coordinate"].values) != robot.coordinates:
+        raise LinkworkError(
+            f"the run is one of another robot, with the joints "
+            f"{', '.join(run.coords['coordinate'].values)}; give a run of this one"
+        )
     positions, rates = (run.variables[f"joint_{what}"].values for what in ("position", "rate"))
     return limits.passed(robot, positions, rates, run.coords["time"].values)

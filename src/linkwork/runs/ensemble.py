@@ -19,9 +19,11 @@ from numpy.typing import ArrayLike
 
 from linkwork.checks import amount, by_name
 from linkwork.errors import LinkworkError
+from linkwork.model import limits
 from linkwork.model.state import Reached, State
 from linkwork.notebooks import Portrayed
 from linkwork.patience import hushed, ongoing
+from linkwork.readonly import ReadOnlyArrays
 from linkwork.runs import following
 from linkwork.runs.accuracy import compared, repeatable, tightened
 from linkwork.runs.endings import ending, singular_times
@@ -65,7 +67,7 @@ class Happened(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Ensemble(Portrayed):
+class Ensemble(ReadOnlyArrays, Portrayed):
     """Hold the results of N runs.
 
     status: how each member ended (N,), as `Status`; end_time: when (N,) [s]
@@ -196,6 +198,28 @@ class Ensemble(Portrayed):
     def singular_times(self, member: int) -> np.ndarray:
         """Return when a member stepped over singular poses (on_singular="step_over") [s]."""
         return self._passed.times[self._passed.members == self._numbered(member)]
+
+    def limits_passed(self, member: int) -> tuple[str, ...]:
+        """Return one sentence for each limit of a joint's coordinate or rate that a member passes
+        at the saved times or at its end."""
+        own = self._numbered(member)
+        time, positions, rates = (values[own] for values in self._joints)
+        return limits.passed(self.members.robot, positions, rates, time)
+
+    @cached_property
+    def _joints(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return times, coordinates and rates of all joints (N, K + 1, ...): saved ones, and those
+        at the ends."""
+        batch, final = self.members, self.final
+        found = self.measured([QUANTITIES["joint_position"], QUANTITIES["joint_rate"]])
+        time = np.tile(self.settings.save_at, (len(self), 1))
+        chart, v = batch.robot.chart_of(final), final.rates
+        rates = chart.kernel("joints_motion")(final.q, v, 0 * v, batch.p_robot())[1]
+        return (
+            np.column_stack([time, self.end_time]),
+            np.concatenate([found["joint_position"], final.positions[:, None]], axis=1),
+            np.concatenate([found["joint_rate"], rates[:, None]], axis=1),
+        )
 
     def measured(
         self,

@@ -23,7 +23,6 @@ from linkwork.control.events import Event
 from linkwork.control.joined import DIRECTION, Joined
 from linkwork.control.kept_traces import acting_once
 from linkwork.control.sampler import Sampler
-from linkwork.control.tracing import Reference
 from linkwork.control.wrenches import Wrench
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
@@ -32,6 +31,7 @@ from linkwork.model import checks
 from linkwork.model.charts import BUILDING, CompiledChart
 from linkwork.runs.sampled_calls import Callback
 from linkwork.simulation import Condition, Control, Events, Sampled, Signal, as_signal
+from linkwork.simulation.admission import require_cover
 from linkwork.simulation.events import Watch
 
 if TYPE_CHECKING:
@@ -259,7 +259,8 @@ def system(
         acting = acting_once(names, given, drives, wrenches, tuple(events), span)
     followed = followed_by(robot, acting, state)
     acting = replace(acting, followed=followed) if followed else acting
-    require_cover(acting.references, span)
+    for signal, _, what in acting.references:
+        require_cover(f"{what} reads a signal", signal, *span)
     for name in acting.parameters:
         if name in robot.parameters:
             raise LinkworkError(
@@ -329,18 +330,6 @@ def require_starts(runs: System, state: State, varied: Iterable[str] = ()) -> No
             with checks.at(f"the drive of {name!r}: "):
                 for x in (np.min(state[name]), np.max(state[name])):
                     own.require_start(float(x))
-
-
-def require_cover(references: Sequence[Reference], span: tuple[float, float]) -> None:
-    """Refuse signals that do not cover a span [s]; tell what reads them."""
-    start, stop = span
-    for signal, _, what in references:
-        if not signal.covers(start, stop):
-            first, last = signal.span
-            raise LinkworkError(
-                f"{what} reads a signal from {first:g} s to {last:g} s, but the run goes from "
-                f"{start:g} s to {stop:g} s; give samples for the whole run"
-            )
 
 
 def plain(robot: Model, forces: Any) -> System:

@@ -50,7 +50,7 @@ def refuse_start(y: np.ndarray, nq: int, forces: Signal, start: float, stop: flo
     are not known until the end."""
     if not 0 <= start < math.inf:
         raise LinkworkError(f"a run must start at a finite time from 0 s on, not at {start} s")
-    require_cover("the forces", forces, start, stop)
+    require_cover("the forces are sampled", forces, start, stop)
     numbers_of("q", y[:nq])
     numbers_of("v", y[nq:])
 
@@ -80,12 +80,12 @@ def require_run(duration: float, max_steps: int) -> None:
 
 
 def require_cover(what: str, signal: Signal, start: float, stop: float) -> None:
-    """Refuse forces that are not known over the whole run."""
+    """Refuse a signal that is not known over the whole run; what: the sentence up to its times."""
     if not signal.covers(start, stop):
         first, last = signal.span
         raise LinkworkError(
-            f"{what} are sampled from {first:g} s to {last:g} s, but the run goes from {start:g} "
-            f"s to {stop:g} s: give samples for the whole run"
+            f"{what} from {first:g} s to {last:g} s, but the run goes from {start:g} s to "
+            f"{stop:g} s; give samples for the whole run"
         )
 
 

@@ -379,7 +379,7 @@ def _rows(what: str, values: ArrayLike, members: int) -> np.ndarray:
 def require_covers(inputs: object, start: float, stop: float) -> None:
     """Refuse signals that do not cover the run."""
     if isinstance(inputs, Sampled | Signal):
-        require_cover("the forces", as_signal(inputs), start, stop)
+        require_cover("the forces are sampled", as_signal(inputs), start, stop)
     for i, signal in enumerate(inputs if isinstance(inputs, Sequence) else ()):
         if isinstance(signal, Sampled | Signal):
-            require_cover(f"the forces of member {i}", as_signal(signal), start, stop)
+            require_cover(f"the forces of member {i} are sampled", as_signal(signal), start, stop)

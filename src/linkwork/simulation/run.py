@@ -243,7 +243,7 @@ class Run(Portrayed):
     @cached_property
     def dataset(self) -> "xarray.Dataset":
         """Return the run as an `xarray.Dataset`; its attributes hold the status, the message and
-        the statistics."""
+        the statistics. Its arrays are the run's own, read-only: write into a deep copy of it."""
         ending = {"status": self.status.name, "message": self.message}
         attrs = dict(self.attrs) | ending | vars(self.statistics)
         return dataset_of(self.variables, self.coords, attrs)

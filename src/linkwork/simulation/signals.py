@@ -13,7 +13,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.checks import has_truth
 from linkwork.errors import LinkworkError
+from linkwork.readonly import ReadOnlyArrays
 
 Kind = Literal["spline", "linear", "hold"]
 NO_BENDS = np.array([[np.inf, 0.0, np.inf]])
@@ -25,7 +27,7 @@ end."""
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
+class Sampled(ReadOnlyArrays):
     """Give a signal by its samples.
 
     `times` (N,) in s, strictly increasing, N >= 2; `values` (N, nu), or (N,) for a single input;
@@ -59,6 +61,7 @@ class Sampled:
             )
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "values", values.reshape(len(times), -1))
+        super().__post_init__()
 
     def __array__(self, dtype=None, copy=None) -> np.ndarray:
         """Return the samples (N, nu), so that NumPy's functions take the signal as they would its
@@ -80,7 +83,7 @@ class Sampled:
 
 
 @dataclass(frozen=True, eq=False)
-class Signal:
+class Signal(ReadOnlyArrays):
     """Hold nu inputs as piecewise cubic polynomials of time.
 
     `knots` (pieces + 1,) in s; `coefficients` (pieces, 4, nu), ascending powers of the time since
@@ -275,9 +278,11 @@ def _finite(what: str, values: ArrayLike) -> np.ndarray:
     """Return a copy as floats; raise `LinkworkError` naming the first value that is no finite
     number."""
     try:
-        array = np.array(values, dtype=float)
+        array = None if has_truth(values) else np.array(values, dtype=float)
     except (TypeError, ValueError):
-        raise LinkworkError(f"{what} must be numbers in a regular array, not {values!r}") from None
+        array = None
+    if array is None:
+        raise LinkworkError(f"{what} must be numbers in a regular array, not {values!r}")
     finite = np.isfinite(array)
     if not finite.all():
         where = tuple(int(i) for i in np.argwhere(~finite)[0])

@@ -32,6 +32,8 @@ class LazyAttribute:
         value = vars(run)[self.name]
         if callable(value):
             value = vars(run)[self.name] = value()
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
         return value
 
     def __set__(self, run: object, value: object) -> None:
@@ -91,6 +93,8 @@ class Variable:
                 f"an array of the shape {values.shape} needs {values.ndim} axis names, not "
                 f"{self.dims}"
             )
+        values = values.view()
+        values.flags.writeable = False
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "shape", values.shape)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import shown
+from linkwork.checks import has_truth, shown
 from linkwork.control.events import Event
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
@@ -35,7 +35,7 @@ def require_states(robot: Model, state: State, size: int) -> State:
 def forces_given(u: ArrayLike, names: Sequence[str], N: int) -> np.ndarray:
     """Return forces of all members, (N, actuators) or (actuators), or refuse them."""
     try:
-        given = np.asarray(u, float) if np.isrealobj(u) else None
+        given = np.asarray(u, float) if np.isrealobj(u) and not has_truth(u) else None
     except (TypeError, ValueError):
         given = None
     if given is None or given.shape not in ((N, len(names)), (len(names),)):

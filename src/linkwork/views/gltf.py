@@ -59,7 +59,7 @@ def write_gltf(
     path = file_path(path, "the path of a scene")
     if path.suffix.lower() != ".glb":
         raise LinkworkError(f"a scene is written as .glb, not as {path.name!r}")
-    if not isinstance(fps, int | float) or not 0 < fps < np.inf:
+    if isinstance(fps, bool) or not isinstance(fps, int | float) or not 0 < fps < np.inf:
         raise LinkworkError(f"fps is {fps!r}; give a number above 0")
     content = scene_file(robot, *keys_of(robot, motion, fps))
     with writing(path):

@@ -62,7 +62,8 @@ def write_video(
     # What is asked for, and what can be written.
     path = file_path(path, "the path of a video")
     for name, value, most in (("fps", fps, FASTEST), ("speed", speed, np.inf)):
-        if not isinstance(value, int | float) or not 0 < value <= most or value == np.inf:
+        plain = isinstance(value, int | float) and not isinstance(value, bool)
+        if not plain or not 0 < value <= most or value == np.inf:
             bound = f" up to {most}" if most < np.inf else ""
             raise LinkworkError(f"{name} is {value!r}; give a number above 0{bound}")
     writer = writer_for(path, fps)

@@ -262,9 +262,12 @@ class ActuatorReader:
             raise element.refusal(f"there is no site {site!r}")
         return self.tree.sites[site]
 
-    def _of_crank(self, element: Element) -> str:
-        """Return the transmission of a slider-crank between two sites."""
+    def _of_crank(self, element: Element) -> str | None:
+        """Return the transmission of a slider-crank between two sites, or None with a note."""
         (crank, X), (body, slider) = (self._site(element, k) for k in ("cranksite", "slidersite"))
+        if crank == body:
+            self.notes.on(element, "is left out: it acts on nothing that moves")
+            return None
         pin = ViaPoint(body=crank, point=poses.triple(X[:3, 3]))
         rod, frame = element.number("cranklength"), poses.frame_of(slider)
         return self._line(
