@@ -339,7 +339,7 @@ def test_patterns_free_all_numbers_that_they_match():
     ]
     assert free.parameters == lw.Robot("prr3").free(*free.parameters).parameters
     with pytest.raises(
-        lw.LinkworkError, match=r"'\*' matches numbers that cannot all be free at a t"
+        lw.LinkworkError, match=r"what '\*' matches cannot all be free at a time; give p"
     ):
         lw.Robot("prr3").free("*")
     with pytest.raises(lw.LinkworkError, match=r"'link_9.\*' matches no number that can"):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from fnmatch import fnmatchcase
 from typing import Any
 
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.numbers import SECTIONS, Where, contents, free_numbers, located
+from linkwork.mechanism.record import MechanismError
 
 WILD = "*?["
 LONG, COM = ".centre_of_mass.", ".com."
@@ -37,20 +39,22 @@ def freed(mechanism: Mechanism, free: Sequence[str], paths: Sequence[str]) -> tu
         if is_pattern(path):
             taken = {located(mechanism, each)[0] for each in found}
             own = [each for each in own if located(mechanism, each)[0] not in taken]
-            require_together(mechanism, path, [*found, *own])
         found += own
     return tuple(found)
 
 
-def require_together(mechanism: Mechanism, pattern: str, paths: list[str]) -> None:
-    """Refuse a pattern of numbers each of which can be free, but not all of them at a time."""
+@contextmanager
+def together(paths: Sequence[str]) -> Iterator[None]:
+    """Name the patterns of numbers each of which can be free, but not all of them at a time."""
     try:
-        free_numbers(mechanism, paths)
-    except LinkworkError as error:
-        raise LinkworkError(
-            f"{pattern!r} matches numbers that cannot all be free at a time; give patterns of "
-            f"fewer, such as '*.mass': {error}"
-        ) from None
+        yield
+    except MechanismError as error:
+        if patterns := ", ".join(map(repr, filter(is_pattern, paths))):
+            raise LinkworkError(
+                f"what {patterns} matches cannot all be free at a time; give patterns of fewer "
+                f"numbers, such as '*.mass': {error}"
+            ) from None
+        raise
 
 
 def matching(mechanism: Mechanism, pattern: str) -> list[str]:

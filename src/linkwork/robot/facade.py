@@ -136,11 +136,11 @@ class Robot(Simulated, Portrayed):
             MechanismError: a path that leads to no number, or to one that cannot be free
                 (directions, limits); a pattern that matches none.
         """
-        from linkwork.mechanism.number_patterns import freed
+        from linkwork.mechanism.number_patterns import freed, together
 
-        return Robot(
-            self.mechanism, self.independent, freed(self.mechanism, (*self.parameters,), paths)
-        )
+        names = freed(self.mechanism, (*self.parameters,), paths)
+        with together(paths):
+            return Robot(self.mechanism, self.independent, names)
 
     def with_parameters(self, values: Mapping[str, float]) -> Robot:
         """Return the robot with other values of free numbers; nothing is derived or compiled anew.
