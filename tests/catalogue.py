@@ -1,11 +1,27 @@
-"""The robots of the catalogue, each built once for all tests of a session."""
+"""The robots of the catalogue, each built once for all tests of a session, and two small ones."""
 
 from functools import cache
 
-from linkwork import Robot, robots
+import linkwork as lw
 
 
 @cache
-def built(name: str) -> Robot:
+def built(name: str) -> lw.Robot:
     """Return a robot of the catalogue."""
-    return Robot(getattr(robots, name)())
+    return lw.Robot(getattr(lw.robots, name)())
+
+
+def with_a_hand() -> lw.Robot:
+    """Return a four-bar that carries a hand, whose hinge is in no loop."""
+    bar, hand = lw.robots.four_bar(), lw.Body(mass=0.2, inertia=lw.Inertia(zz=1e-3))
+    pin = lw.RevoluteJoint(connects=(next(iter(bar.bodies)), "hand"))
+    return lw.Robot(
+        lw.Mechanism(bodies=bar.bodies | {"hand": hand}, joints=bar.joints | {"pin": pin})
+    )
+
+
+def open_chain() -> lw.Robot:
+    """Return an arm on a hinge."""
+    own = lw.Body(mass=1.0, inertia=lw.Inertia(xx=1, yy=1, zz=1))
+    pin = lw.RevoluteJoint(connects=("ground", "arm"))
+    return lw.Robot(lw.Mechanism(bodies={"arm": own}, joints={"pin": pin}))

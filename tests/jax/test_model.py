@@ -14,6 +14,7 @@ import linkwork.jax
 from linkwork.jax.differentiable_model import JaxModel
 from linkwork.model.charts import CompiledChart
 
+from tests.catalogue import open_chain, with_a_hand
 from tests.robot.test_sticking import slide
 
 jax = pytest.importorskip("jax")
@@ -256,6 +257,19 @@ def test_singular_poses_and_open_loops_are_told():
         jax.block_until_ready(found)
 
 
+@pytest.mark.parametrize("make", [with_a_hand, open_chain])
+def test_closed_refuses_numbers_that_are_in_no_loop(make):
+    robot = make()
+    model, quiet = (linkwork.jax.model(robot, singular=how) for how in ("raise", "nan"))
+    q = np.tile(model.q, (3, 1))
+    q[1, robot.equations.tree.coordinates.index("pin")] = np.nan
+    with pytest.raises(REFUSED, match=r"closed of .*not finite.*from 0: 1"):
+        jax.block_until_ready(model.closed(q))
+    found = np.asarray(quiet.closed(q))
+    assert np.isnan(found).all(axis=1).tolist() == [False, True, False]
+    assert np.linalg.matrix_rank(jax.jacfwd(model.closed)(model.q), tol=1e-9) == robot.mobility
+
+
 def test_bad_arguments_get_a_sentence():
     model = model_of("prr3")
     state, u = states("prr3")
@@ -328,7 +342,7 @@ def test_robots_that_cannot_are_refused_by_name(monkeypatch):
     with pytest.raises(lw.LinkworkError, match="the rates of one free turn, and not the others"):
         linkwork.jax.model(robot, mixed).closed(robot.home.q)
     monkeypatch.setattr(CompiledChart, "large", True)
-    with pytest.raises(lw.LinkworkError, match="derivatives of 3-PRR take too long to compile"):
+    with pytest.raises(lw.LinkworkError, match=r"of \d+ bodies, have more than 5,000"):
         linkwork.jax.model(lw.Robot("prr3"))
 
 

@@ -19,7 +19,7 @@ from linkwork import LinkworkError
 from linkwork.gradients.compilation import compiled
 from linkwork.torch.differentiable_model import TorchModel
 
-from tests.catalogue import built
+from tests.catalogue import built, open_chain, with_a_hand
 
 NAMES = ["prr3", "five_bar", "rrs3"]
 
@@ -209,6 +209,19 @@ def test_what_cannot_be_done_is_refused_in_a_sentence(model, number):
     call, said = refusals(model)[number]
     with pytest.raises(LinkworkError, match=said):
         call()
+
+
+@pytest.mark.parametrize("make", [with_a_hand, open_chain])
+def test_closed_refuses_numbers_that_are_in_no_loop(make):
+    robot = make()
+    model, quiet = (linkwork.torch.model(robot, singular=how) for how in ("raise", "nan"))
+    q = model.q.repeat(2, 1)
+    q[1, robot.equations.tree.coordinates.index("pin")] = torch.nan
+    with pytest.raises(LinkworkError, match=r"closed of .*state 1: the result is not finite"):
+        model.closed(q)
+    found = quiet.closed(q)
+    assert torch.isfinite(found[0]).all() and torch.isnan(found[1]).all()
+    assert gradcheck(model.closed, wanting(model.q), fast_mode=True)
 
 
 def test_singular_states_are_an_error_or_nan_of_their_own(robot):

@@ -15,6 +15,7 @@ from linkwork.equations import Equations, functions
 from linkwork.equations.algebra import SX
 from linkwork.errors import LinkworkError
 from linkwork.export import CasadiFunctions, casadi
+from linkwork.model.charts import LARGE
 from linkwork.model.state import State
 from linkwork.robot import Robot
 
@@ -106,9 +107,9 @@ def functions_of(robot: Robot, chart: State | Sequence[str] | None = None) -> Of
     found = casadi(robot, chart)
     if robot.chart.large:
         raise LinkworkError(
-            f"the derivatives of {robot.mechanism.name} take too long to compile, for it has "
-            f"{amount(len(robot.bodies), 'body')} in loops that are solved together; "
-            "robot.forward_dynamics and robot.ensemble evaluate it"
+            f"the derivatives of {robot.mechanism.name} take too long to compile, for its "
+            f"equations of motion, of {amount(len(robot.bodies), 'body')}, have more than "
+            f"{LARGE:,} instructions; robot.forward_dynamics and robot.ensemble evaluate it"
         )
     state = robot.home if chart is None else chart
     if not isinstance(state, State):

@@ -113,7 +113,8 @@ def drift(equations: Equations) -> ca.Function:
     read, still, own = reading(equations), SX(n, n), SX.eye(count)
     moving = tree.derivatives(tangent.w)
     along = Shift(SX.eye(n), still, SX(count, n)), Shift(SX(n, count), SX(n, count), own)
-    steps = [tangent.steps(step)[0][: equations.nq, :] for step in along]
+    N = tree.derivative_map
+    steps = [ca.mtimes(N, tangent.steps(step)[0][: equations.nv, :]) for step in along]
     by = [
         tangent.forward(moving, step) - shifted(shift, tree.q, moving)
         for step, shift in zip(along, steps, strict=True)

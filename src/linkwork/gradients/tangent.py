@@ -30,6 +30,7 @@ from linkwork.equations import Equations
 from linkwork.equations.algebra import SX
 from linkwork.equations.elimination import solve
 from linkwork.equations.uncharted import uncharted
+from linkwork.gradients.cut_turns import CutTurns
 
 
 class Shift(NamedTuple):
@@ -59,14 +60,32 @@ class Tangent:
         return self.free.v
 
     @cached_property
+    def turns(self) -> CutTurns:
+        """The free turns' rotation matrices, in which expressions are differentiated."""
+        return CutTurns(self.equations.tree)
+
+    @cached_property
     def places(self) -> ca.SX:
-        """Symbols of the tree's coordinates and the parameters (nq + np)."""
-        return ca.vertcat(self.equations.tree.q, self.equations.p)
+        """Symbols of the tree's coordinates, of the elements of rotation matrices, and of the
+        parameters."""
+        return ca.vertcat(self.equations.tree.q, self.turns.symbols, self.equations.p)
+
+    @cached_property
+    def placing(self) -> ca.SX:
+        """The derivative of the `places` (sparse) along the tree's rates and the parameters."""
+        moved = ca.vertcat(self.equations.tree.derivative_map, self.turns.turning)
+        return ca.diagcat(moved, SX.eye(self.equations.p.numel()))
+
+    @cached_property
+    def near(self) -> ca.SX:
+        """The map of steps of the tree's rates and the parameters to those of which turns are in
+        their second frames' axes."""
+        return ca.diagcat(self.turns.near, SX.eye(self.equations.p.numel()))
 
     @cached_property
     def moving(self) -> ca.SX:
         """Phi w (rows)."""
-        return ca.mtimes(self.equations.rows.Phi, self.w)
+        return self.turns.written(ca.mtimes(self.equations.rows.Phi, self.w))
 
     @property
     def units(self) -> Shift:
@@ -88,38 +107,67 @@ class Tangent:
         return ca.jtimes(self.solved(r), r, ca.densify(right), True)
 
     def steps(self, step: Shift) -> tuple[ca.SX, ca.SX]:
-        """Return the steps of the `places` and of w (each x k) for those of what may be chosen."""
+        """Return the steps along the tree's rates and the parameters (nv + np x k), and those of
+        w, for those of what may be chosen."""
         equations = self.equations
         L = equations.elimination.L
         closing = self.solved(-forward(equations.rows.phi, equations.p, step.p))
         shift = ca.mtimes(L, step.q) + closing
-        places = ca.vertcat(equations.tree.derivatives(shift), step.p)
-        turned = self.solved(-forward(self.moving, self.places, places))
+        places = ca.vertcat(shift, step.p)
+        turned = self.solved(-self.along(self.moving, places))
         return places, ca.mtimes(L, step.v) + turned
 
     def forward(self, expression: ca.SX, step: Shift) -> ca.SX:
         """Return the derivatives (rows x k) of an expression along steps (each x k)."""
-        expression, (places, w) = ca.densify(expression), self.steps(step)
-        found = forward(expression, self.places, places) + forward(expression, self.w, w)
+        expression = self.turns.written(ca.densify(expression))
+        places, w = self.steps(step)
+        found = self.along(expression, places) + forward(expression, self.w, w)
         return found + forward(expression, self.equations.v, step.v)
 
     def backward(self, expression: ca.SX, weights: ca.SX) -> Shift:
         """Return the gradients (each x k) of weights (rows x k) times an expression."""
-        equations, expression = self.equations, ca.densify(expression)
-        tree, L = equations.tree, equations.elimination.L
+        equations, L = self.equations, self.equations.elimination.L
+        expression = self.turns.written(ca.densify(expression))
         w = backward(expression, self.w, weights)
         # Through the dependent rates, then the dependent coordinates.
-        turned = backward(self.moving, self.places, self.transposed(w))
-        places = backward(expression, self.places, weights) - turned
-        shift = ca.mtimes(tree.derivative_map.T, places[: equations.nq, :])
+        turned = self.against(self.moving, self.transposed(w))
+        places = self.against(expression, weights) - turned
+        shift, p = ca.vertsplit(places, [0, equations.nv, places.shape[0]])
         closing = backward(equations.rows.phi, equations.p, self.transposed(shift))
         v = ca.mtimes(L.T, w) + backward(expression, equations.v, weights)
-        return Shift(ca.mtimes(L.T, shift), v, places[equations.nq :, :] - closing)
+        return Shift(ca.mtimes(L.T, shift), v, p - closing)
+
+    def slope(self, expression: ca.SX) -> ca.SX:
+        """Return the Jacobian of an expression (rows x nv + np, sparse) along rates of which turns
+        are in their second frames' axes, and the parameters."""
+        tree = self.equations.tree
+        found = ca.horzcat(
+            ca.mtimes([ca.jacobian(expression, tree.q), tree.derivative_map, self.turns.near.T]),
+            ca.jacobian(expression, self.equations.p),
+        )
+        if not tree.quaternions:
+            return found
+        turned = ca.jtimes(expression, self.turns.symbols, ca.densify(self.turns.turning_near))
+        found[:, : len(tree.rates)] += ca.sparsify(turned)
+        return found
+
+    def along(self, expression: ca.SX, places: ca.SX) -> ca.SX:
+        """Return the derivatives (rows x k) of an expression along steps of the tree's rates and
+        the parameters (nv + np x k), at fixed w and v."""
+        if places.shape[1] == 1:
+            return forward(expression, self.places, ca.mtimes(self.placing, places))
+        return ca.mtimes(self.slope(expression), ca.mtimes(self.near, places))
+
+    def against(self, expression: ca.SX, weights: ca.SX) -> ca.SX:
+        """Return the gradients (nv + np x k) of weights (rows x k) times an expression."""
+        if weights.shape[1] == 1:
+            return ca.mtimes(self.placing.T, backward(expression, self.places, weights))
+        return ca.mtimes(self.near.T, ca.mtimes(self.slope(expression).T, weights))
 
     def at_rates(self, expressions: Sequence[ca.SX]) -> list[ca.SX]:
         """Return expressions at the rates w = L v of the tree."""
         dense = [ca.densify(each) for each in expressions]
-        return ca.substitute(dense, [self.w], [self.equations.rates])
+        return self.turns.back(ca.substitute(dense, [self.w], [self.equations.rates]))
 
 
 def forward(expression: ca.SX, symbols: ca.SX, steps: ca.SX) -> ca.SX:

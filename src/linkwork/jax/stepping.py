@@ -8,6 +8,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax.interpreters import ad
 
 from linkwork.autodiff import Offered
 from linkwork.autodiff.runge_kutta import LOOSE, composed, require_steps
@@ -17,7 +18,7 @@ from linkwork.jax.calls import WHERE, Calls
 from linkwork.jax.handler import Sentences
 from linkwork.jax.jax_function import JaxFunction
 from linkwork.jax.operators import made, operator, perturbed
-from linkwork.jax.steps import closing_text, step_text
+from linkwork.jax.steps import closing_text, passing_text, step_text
 from linkwork.kernels.machine import this_machine
 from linkwork.model.checks import PIVOT_BOUND
 from linkwork.runs.passage import CLOSURE
@@ -33,7 +34,7 @@ def closing(offered: Offered, calls: Calls) -> Callable[..., Array]:
     """
     equations = offered.equations
     if not equations.constrained:
-        return lambda q, *p: q
+        return passing(equations.nq, calls)
     require_whole_turns(offered)
     newton, kernel = operator(offered.newton, calls), offered["closure_step"].value
     text = closing_text(kernel, STEPS, CLOSURE * offered.robot.size, this_machine())
@@ -54,6 +55,14 @@ def closing(offered: Offered, calls: Calls) -> Callable[..., Array]:
         return loops(q, *p)
 
     return closed
+
+
+def passing(nq: int, calls: Calls) -> Callable[..., Array]:
+    """Return q[, p] -> q of a robot without loops, of which nothing but finite numbers is asked."""
+    text = passing_text(nq, this_machine())
+    call = calls.made("closed", text, [nq], [nq], not_closing(calls))
+    same = made(lambda q: call(q)[0], lambda q, dq: ((same(*q),), (ad.instantiate_zeros(dq[0]),)))
+    return lambda q, *p: same(q)
 
 
 def stepping(offered: Offered, calls: Calls) -> Callable[..., tuple[Array, Array]]:

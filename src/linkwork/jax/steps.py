@@ -41,7 +41,7 @@ def closing_text(closure: Kernel, most: int, rounding: float, machine: Machine) 
     lines.do("%step = phi i64 [ 0, %entry ], [ %step.next, %onward ]")
     _call(lines, closure, "%x", "%y")
     gap = lines.load("%y", nq)
-    opened = bits(lines, lines.compare("ugt", gap, lines.constant(rounding)), WEAK)
+    opened = bits(lines, lines.compare("ogt", gap, lines.constant(rounding)), WEAK)
     ended = lines.let(f"icmp eq i64 {opened}, 0")
     spent = lines.let(f"icmp sge i64 %step, {most}")
     lines.do(f"br i1 {lines.let(f'or i1 {ended}, {spent}')}, label %done, label %onward")
@@ -50,11 +50,27 @@ def closing_text(closure: Kernel, most: int, rounding: float, machine: Machine) 
     lines.do("%step.next = add i64 %step, 1")
     lines.do("br label %newton")
     lines.label("done")
-    unsound = bits(lines, lines.compare("uno", gap, gap), UNDEFINED)
+    sound = lines.let(f"call {lines.number} @zero_if_finite(ptr %x, i64 {closure.n_in})")
+    unsound = bits(lines, lines.compare("uno", gap, sound), UNDEFINED)
     _scatter(lines, [nq], "%x")
     lines.do(f"ret i64 {lines.let(f'or i64 {opened}, {unsound}')}")
     head = f"{HEAD} {machine.attributes}"
-    return "\n\n".join([moves_text(machine), *_sums(machine), function_text(head, lines.text)])
+    parts = [moves_text(machine), *_sums(machine), finite_text(machine)]
+    return "\n\n".join([*parts, function_text(head, lines.text)])
+
+
+def passing_text(nq: int, machine: Machine) -> str:
+    """Return `block`, and what it calls, for q -> q where there is nothing to close."""
+    lines = Lines(machine.lanes)
+    _room(lines, x=nq)
+    lines.do("%last = sub i64 %states, 1")
+    _gather(lines, {0: nq}, "%x")
+    sound = lines.let(f"call {lines.number} @zero_if_finite(ptr %x, i64 {nq})")
+    unsound = bits(lines, lines.compare("uno", sound, sound), UNDEFINED)
+    _scatter(lines, [nq], "%x")
+    lines.do(f"ret i64 {unsound}")
+    own = function_text(f"{HEAD} {machine.attributes}", lines.text)
+    return "\n\n".join([moves_text(machine), finite_text(machine), own])
 
 
 def step_text(

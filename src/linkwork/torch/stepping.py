@@ -27,14 +27,14 @@ def closing(offered: Offered, guard: Guard) -> Callable[..., Tensor]:
     """
     equations, enough = offered.equations, CLOSURE * offered.robot.size
     if not equations.constrained:
-        return lambda q, *p: q
+        return passing(equations.nq, guard)
     require_whole_turns(offered)
     newton, kernel = operator(offered.newton, guard), offered["closure_step"].value
 
     def evaluate(q: Tensor, *p: Tensor) -> Tensor:
         given = [each.detach().numpy() for each in p]
         found, gap = settled(kernel, q.detach().numpy(), given, enough)
-        return torch.from_numpy(guard.closed(found, gap, enough))
+        return torch.from_numpy(guard.closed(guard.sound(found), gap, enough))
 
     def backward(ctx: Any, dq: Tensor) -> tuple[Tensor | None, ...]:
         q, *p = ctx.saved_tensors
@@ -53,6 +53,16 @@ def closing(offered: Offered, guard: Guard) -> Callable[..., Tensor]:
         return loops(q, *p)
 
     return closed
+
+
+def passing(nq: int, guard: Guard) -> Callable[..., Tensor]:
+    """Return q[, p] -> q of a robot without loops, of which nothing but finite numbers is asked."""
+
+    def evaluate(q: Tensor) -> Tensor:
+        return torch.from_numpy(guard.sound(q.detach().numpy()).copy())
+
+    same = made("closed", ["q"], nq, evaluate, lambda ctx, dq: (dq,))
+    return lambda q, *p: same(q)
 
 
 def settled(
