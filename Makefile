@@ -19,10 +19,10 @@ test: $(READY) $(BROWSER) $(COMPILERS) $(TORCH)  ## lint, types, all tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
+	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
-hostile: $(READY)  ## every hostile case and every mutated file; `make test` runs a sample of them
-	LINKWORK_HOSTILE=all OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/hostile -n 2 --dist loadgroup
+hostile: $(READY) $(TORCH)  ## every hostile case, every mutated file and all robots where one of each kind stands for them in `make test`
+	LINKWORK_HOSTILE=all OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/hostile tests/export tests/gradients tests/jax tests/torch -n 2 --dist loadgroup
 
 bench: $(READY)  ## every must-reach figure, contenders interleaved; tables into benchmarks/results
 	$(BIN)/python -m benchmarks
@@ -50,8 +50,8 @@ $(COMPILERS): $(READY) tests/export/compilers.sh  # compilers and processors for
 	touch $@
 
 $(TORCH): $(READY)  # PyTorch for processors alone from its own index, a tenth as large; where that is out of reach, the one of the package index
-	VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --torch-backend cpu --constraints requirements.lock torch==$(TORCH_VERSION) 2>/dev/null || \
-	    VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --constraints requirements.lock torch==$(TORCH_VERSION)
+	VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --compile-bytecode --torch-backend cpu --constraints requirements.lock torch==$(TORCH_VERSION) 2>/dev/null || \
+	    VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --compile-bytecode --constraints requirements.lock torch==$(TORCH_VERSION)
 	touch $@
 
 clean:

@@ -1,8 +1,25 @@
-"""The robots of the catalogue, each built once for all tests of a session, and two small ones."""
+"""The robots of the catalogue, each built once for all tests of a session, those that stand for
+their kinds, and two small ones."""
 
+import os
 from functools import cache
 
 import linkwork as lw
+
+WHOLE = os.environ.get("LINKWORK_HOSTILE") == "all"
+"""Whether every case is wanted, as of `make hostile`, or a sample of them."""
+KINDS = (
+    "double_pendulum",  # an open chain in a plane
+    "puma560",  # an open chain in space
+    "five_bar",  # a planar loop
+    "prr3",  # a planar platform
+    "bennett",  # a loop with more rows than it needs
+    "agile_wrist",  # a spherical platform
+    "rrs3",  # a platform that turns freely
+    "delta",  # parallelograms of rods
+    "flyball_governor",  # springs and dampers
+)
+SAMPLE = tuple(lw.robots.__all__) if WHOLE else KINDS
 
 
 @cache

@@ -1,9 +1,52 @@
 """What holds for all tests."""
 
+import fcntl
+import gc
+import importlib
 import signal
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.house import SOURCE
 
 
-def pytest_configure() -> None:
+def pytest_configure(config: pytest.Config) -> None:
     """Let Ctrl-C interrupt the processes that tests start, also where this one was started deaf to
     it, as by nohup."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    if hasattr(config, "workerinput"):
+        share_compilation(config.workerinput)
+
+
+def share_compilation(worker: dict[str, str]) -> None:
+    """Compile what Numba compiles once per machine in turns with the other workers: each module by
+    whoever comes first, every other worker from the last to the first."""
+    found = [
+        ".".join(path.relative_to(SOURCE.parent).with_suffix("").parts)
+        for path in sorted(SOURCE.rglob("*.py"))
+        if "\n@compiled_once(" in path.read_text(encoding="utf-8")
+    ]
+    modules = found[:: -1 if int(worker["workerid"].removeprefix("gw")) % 2 else 1]
+    shared = Path(tempfile.gettempdir(), f"linkwork-tests-{worker['testrunuid']}")
+    shared.mkdir(exist_ok=True)
+    for locking in (fcntl.LOCK_EX | fcntl.LOCK_NB, fcntl.LOCK_EX):
+        for name in modules:
+            with (shared / name).open("w") as lock:
+                try:
+                    fcntl.flock(lock, locking)
+                except BlockingIOError:  # another worker compiles it just now
+                    continue
+                importlib.import_module(name)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Look for no garbage among modules and tests, which stay to the end: neither while they are
+    read nor in all the time after."""
+    gc.disable()
+    yield
+    gc.freeze()
+    gc.enable()

@@ -74,6 +74,7 @@ def asked(tree: ast.Module, name: str, names: set[str]) -> Iterator[str]:
         and node.func.id == "leading_to"
         for argument in node.args
     }
+    own = {".".join(parts) for parts in accumulate([each] for each in name.split("."))}
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -82,9 +83,7 @@ def asked(tree: ast.Module, name: str, names: set[str]) -> Iterator[str]:
                 inner = f"{node.module}.{alias.name}"
                 yield inner if inner in names else node.module
         elif isinstance(node, ast.Constant) and id(node) not in former:
-            yield from {str(node.value)} - {
-                ".".join(parts) for parts in accumulate([each] for each in name.split("."))
-            }
+            yield from {str(node.value)} - own
 
 
 @cache
@@ -159,7 +158,7 @@ def test_few_know_a_particular_robot():
     assert {name for name in knowing if package(name) != "robots"} == PARTICULAR
 
 
-PACKAGES = sorted(name for name in graph() if (SOURCE.parent / Path(*name.split("."))).is_dir())
+PACKAGES = sorted(name_of(path) for path in SOURCE.rglob("__init__.py"))
 
 
 @pytest.mark.parametrize("name", PACKAGES)

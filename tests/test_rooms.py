@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from typing import get_args
 
 import pytest
@@ -42,7 +43,7 @@ OTHERWISE = {"fixed", "free", "planar", "rod", "screw", "gear"}
 """Types whose words mean something else as well: a motion, a part of a drawing, MJCF's own."""
 
 
-def words(tree: ast.Module) -> Iterator[str]:
+def words_of(tree: ast.Module) -> Iterator[str]:
     """Yield the names that a file uses, and the strings that stand in it."""
     for node in ast.walk(tree):
         match node:
@@ -52,13 +53,19 @@ def words(tree: ast.Module) -> Iterator[str]:
                 yield word
 
 
-def naming(*names: str) -> set[str]:
-    """Return the files, robots aside, that use one of some names."""
+@cache
+def words() -> dict[str, set[str]]:
+    """Return what stands in each file, robots aside."""
     return {
-        path.relative_to(SOURCE).as_posix()
+        path.relative_to(SOURCE).as_posix(): {*words_of(tree)}
         for path, tree in modules()
-        if package(path) != "robots" and not {*names}.isdisjoint(words(tree))
+        if package(path) != "robots"
     }
+
+
+def naming(name: str) -> set[str]:
+    """Return the files, robots aside, that use a name."""
+    return {file for file, found in words().items() if name in found}
 
 
 @pytest.mark.parametrize("kind", PAIRS, ids=lambda kind: kind.__name__)

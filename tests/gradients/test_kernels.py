@@ -14,13 +14,14 @@ from linkwork.equations.algebra import dense
 from linkwork.equations.linear import derivatives
 from linkwork.gradients.compilation import drift, expressed
 
+from tests.catalogue import SAMPLE
 from tests.gradients.complex_step import ComplexSteps, in_complex_numbers
 from tests.oracle.random_joints import random_loops, random_tree
 from tests.robot.test_bearings import journal, slide
 from tests.robot.test_parameters import can_be_free
 
 MANY = 6  # numbers that are free
-CASES = {name: getattr(lw.robots, name) for name in lw.robots.__all__ if name != "n_four_bar"} | {
+CASES = {name: getattr(lw.robots, name) for name in lw.robots.__all__} | {
     "tree": partial(random_tree, 1, 7, effects=True, gears=1, actuation=-2),
     "long chain": partial(random_tree, 4, 11, kinds=("revolute", "spherical")),
     "loops with everything": partial(
@@ -32,6 +33,7 @@ CASES = {name: getattr(lw.robots, name) for name in lw.robots.__all__ if name !=
     "loop closed by a free joint": partial(random_loops, 8, 1, effects=True, platform="free"),
     "planar loops": partial(random_loops, 5, 2, planar=True, effects=True, rods=1, gears=1),
 }
+RANDOM = [name for name in CASES if name not in lw.robots.__all__]
 FEW = "four_bar", "prr3", "loop closed by a free joint"
 
 
@@ -63,7 +65,7 @@ def near(
     return bool(np.abs(found - expected).max(initial=0.0) <= within * size)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [*(name for name in SAMPLE if name != "n_four_bar"), *RANDOM])
 def test_dynamics_beside_complex_steps(name):
     equations, (q, v, p) = made(name)
     rng, n = np.random.default_rng(2), equations.mobility

@@ -9,7 +9,7 @@ import linkwork as lw
 import linkwork.jax
 from linkwork.jax.differentiable_model import JaxModel
 
-from tests.jax.test_model import REFUSED, double, model_of, robot_of, states
+from tests.jax.test_model import LOOPS, REFUSED, double, model_of, robot_of, states
 
 jax = pytest.importorskip("jax")
 jnp = jax.numpy
@@ -23,7 +23,7 @@ def bars(double) -> JaxModel:
     return model_of("four_bar")
 
 
-@pytest.mark.parametrize("name", ["prr3", "five_bar", "rrs3"])
+@pytest.mark.parametrize("name", LOOPS)
 def test_along_coordinate_rates_they_are_the_robot_s(name):
     """By small steps of what is independent, of rotations as well, loops closed."""
     robot, model = robot_of(name), model_of(name)

@@ -14,7 +14,7 @@ import linkwork.jax
 from linkwork.jax.differentiable_model import JaxModel
 from linkwork.model.charts import CompiledChart
 
-from tests.catalogue import open_chain, with_a_hand
+from tests.catalogue import WHOLE, open_chain, with_a_hand
 from tests.robot.test_sticking import slide
 
 jax = pytest.importorskip("jax")
@@ -56,7 +56,7 @@ def states(name: str, count: int = 4) -> tuple[lw.State, np.ndarray]:
     return found, random.normal(size=(count, len(robot.actuators)))
 
 
-LOOPS = ["prr3", "five_bar", "rrs3"]
+LOOPS = ["five_bar", "rrs3", *["prr3"] * WHOLE]
 
 
 @pytest.mark.parametrize("name", LOOPS)

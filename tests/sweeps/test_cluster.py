@@ -16,7 +16,7 @@ import pytest
 from linkwork.sweeps import Study, StudyError, runner, sweep
 
 from tests.processes import PATIENCE, python
-from tests.sweeps.carts import file, finished, results
+from tests.sweeps.carts import count, file, finished, results
 
 
 def free_port() -> int:
@@ -87,10 +87,10 @@ def test_a_worker_that_is_killed_and_a_scheduler_that_is_lost(wanted, tmp_path):
     out = tmp_path / "out"
     with ThreadPoolExecutor(1) as pool, cluster(tmp_path) as (address, scheduler, crew):
         run = pool.submit(sweep, Study.load(path), out, scheduler=address)
-        until(lambda: finished(out).sum() > 8, run)
+        until(lambda: count(out) > 8, run)
         crew[0].send_signal(signal.SIGKILL)
-        count = finished(out).sum()
-        until(lambda: finished(out).sum() > count + 8, run)
+        known = count(out)
+        until(lambda: count(out) > known + 8, run)
         scheduler.send_signal(signal.SIGKILL)
         with pytest.raises(
             StudyError, match=f"the scheduler at {address} was lost .* goes on from there"

@@ -12,9 +12,10 @@ import pytest
 from linkwork.sweeps import Study, sweep
 
 from tests.processes import PATIENCE, python
-from tests.sweeps.carts import FILE, file, finished, results
+from tests.sweeps.carts import FILE, count, file, finished, results
 
-CHUNKS = FILE.replace("chunk: 16", "chunk: 4")  # many: a busy machine looks at them late
+# Many chunks: a busy machine looks at them late.
+CHUNKS = FILE.replace("members: 1024", "members: 512").replace("chunk: 16", "chunk: 4")
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +51,7 @@ def test_interrupted_again_and_again(undisturbed, tmp_path):
     ):
         with python("-m", "linkwork", "sweep", path, "--out", tmp_path) as process:
             known = len(before)
-            wait_for(lambda known=known: finished(tmp_path).sum() > known + 1, process)
+            wait_for(lambda known=known: count(tmp_path) > known + 1, process)
             process.send_signal(how)
             process.communicate(timeout=PATIENCE)
         assert process.returncode == status

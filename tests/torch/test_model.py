@@ -19,9 +19,9 @@ from linkwork import LinkworkError
 from linkwork.gradients.compilation import compiled
 from linkwork.torch.differentiable_model import TorchModel
 
-from tests.catalogue import built, open_chain, with_a_hand
+from tests.catalogue import WHOLE, built, open_chain, with_a_hand
 
-NAMES = ["prr3", "five_bar", "rrs3"]
+NAMES = ["five_bar", "rrs3", *["prr3"] * WHOLE]
 
 
 @pytest.fixture(scope="module")
