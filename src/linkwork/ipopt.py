@@ -51,7 +51,8 @@ class LocalOptimum:
 
 @dataclass(frozen=True, eq=False)
 class Programme:
-    """Hold a nonlinear programme: symbols x, f and g of them, bounds and a start."""
+    """Hold a nonlinear programme: symbols x, f and g of them, bounds and a start, and how much the
+    barrier weighs there."""
 
     x: ca.MX
     f: ca.MX
@@ -59,6 +60,7 @@ class Programme:
     start: np.ndarray
     bounds: tuple[np.ndarray, np.ndarray]
     g_bounds: tuple[np.ndarray, np.ndarray]
+    barrier: float = 0.1
 
     def unmoved(self, among: int) -> np.ndarray:
         """Return which of the first unknowns move neither f nor g at the start."""
@@ -77,6 +79,7 @@ class Programme:
                 fulfilled.
         """
         options = {**QUIET, "ipopt.tol": TOLERANCE, "ipopt.max_iter": steps}
+        options["ipopt.mu_init"] = self.barrier
         solver = ca.nlpsol("local", "ipopt", {"x": self.x, "f": self.f, "g": self.g}, options)
         limits = dict(zip(("lbx", "ubx"), self.bounds, strict=True))
         limits |= dict(zip(("lbg", "ubg"), self.g_bounds, strict=True))

@@ -40,10 +40,12 @@ def uniform(tau: np.ndarray) -> Triple:
 
 @dataclass(frozen=True)
 class Path:
-    """Hold a curve s -> (x, x', x''), each (K, d), and the law by which it is run through."""
+    """Hold a curve s -> (x, x', x''), each (K, d), the law by which it is run through, and the s
+    inside at which its third derivative leaps."""
 
     curve: Callable[[np.ndarray], Triple]
     law: Law = rest_to_rest
+    knots: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         for name, function in (("curve", self.curve), ("law", self.law)):
@@ -212,8 +214,9 @@ def through(poses: Sequence[Sequence[float]], *, law: Law = rest_to_rest) -> Pat
         raise LinkworkError(f"a path through poses needs at least 4 of them, not {len(poses)}")
     first = finite("pose 0", poses[0])
     points = np.array([finite(f"pose {k}", pose, (first.size,)) for k, pose in enumerate(poses)])
-    spline = CubicSpline(np.linspace(0, 1, len(points)), points)
-    return Path(lambda s: (spline(s), spline(s, 1), spline(s, 2)), law)
+    knots = np.linspace(0, 1, len(points))
+    spline = CubicSpline(knots, points)
+    return Path(lambda s: (spline(s), spline(s, 1), spline(s, 2)), law, tuple(knots[2:-2]))
 
 
 def together(*paths: Path) -> Path:
@@ -231,7 +234,8 @@ def together(*paths: Path) -> Path:
         parts = [path.curve(s) for path in paths]
         return tuple(np.hstack([part[k] for part in parts]) for k in range(3))  # pyright: ignore
 
-    return Path(curve, paths[0].law)
+    knots = {knot for path in paths for knot in path.knots}
+    return Path(curve, paths[0].law, tuple(sorted(knots)))
 
 
 def swing(start: float, amplitude: float, *, swings: float = 1.0, law: Law = rest_to_rest) -> Path:

@@ -117,6 +117,11 @@ def optimal_motion(
         raise LinkworkError(
             f"the limits are {checks.shown(limits)}; give motions.ActuatorLimits(force=...)"
         )
+    if limits.jerk is not None:
+        raise LinkworkError(
+            "forces that are constant in intervals leap between them, and the jerk with them; "
+            "leave its limit out, or give the way to motions.fastest, which limits it"
+        )
     refuse_cost(robot, minimise, duration)
     ends = own_state(robot, start, "the start"), own_state(robot, end, "the end")
     count = checks.count(intervals, "the number of intervals")

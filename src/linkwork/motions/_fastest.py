@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from math import inf
 
 import numpy as np
@@ -24,26 +23,23 @@ import numpy as np
 from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.bearing import require_no_bearings
-from linkwork.mechanism.limits import speed_limited, undriven_speeds
-from linkwork.model.state import Motion, State
+from linkwork.mechanism.limits import speed_limited
+from linkwork.model.state import State
 from linkwork.motions._follow import follow
+from linkwork.motions.driven_way import BETWEEN, CORNER, DrivenWay, refuse_leap
+from linkwork.motions.jerk_limited import gentlest
 from linkwork.motions.laws import Limit
 from linkwork.motions.reachability import Constraints, NoLawError, fastest_squares, law_of_squares
 from linkwork.motions.timed_paths import TimedPath, sample_count
 from linkwork.paths import Path, uniform
 from linkwork.robot import Robot
 
-BOUNDS = ("force", "speed", "acceleration", "power")
+BOUNDS = ("force", "speed", "acceleration", "power", "jerk")
 SETTLED, MOST_STEPS, SLOWINGS = 1e-9, 60, 20
-BETWEEN = 4  # parts of an interval of the grid at whose ends limits are verified
 PASSED, ROUNDS = 1e-9, 20  # part of a limit beyond it that is rounding; rounds of tightening
 SPARE, UNSEEN = 1.4, 2.0
 """How much more limits are tightened than they were passed, and what is left of them for what may
 be passed between verified points, over the square of the grid's width."""
-STEP = 1e-4  # of the difference by which friction's slope is found, over s'
-RESTING = 1e-9
-"""Rate of all joints at an end of a path, over its largest, below which the path rests there by
-itself."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +49,9 @@ class ActuatorLimits:
 
     Args:
         force: U [N, N m]: one number for all, one for each actuator in their order, or by name.
-        speed: V [m/s, rad/s], acceleration: A [m/s^2, rad/s^2], power: P = |u r'| [W], likewise.
-            Actuators that are given no speed keep to the one that the description limits.
+        speed: V [m/s, rad/s], acceleration: A [m/s^2, rad/s^2], power: P = |u r'| [W], jerk: J
+            [m/s^3, rad/s^3], likewise. Actuators that are given no speed keep to the one that the
+            description limits.
 
     Raises:
         LinkworkError: a limit that is no positive finite number; no limit at all.
@@ -64,6 +61,7 @@ class ActuatorLimits:
     speed: Limit = None
     acceleration: Limit = None
     power: Limit = None
+    jerk: Limit = None
 
     def __post_init__(self) -> None:
         if all(getattr(self, kind) is None for kind in BOUNDS):
@@ -117,8 +115,12 @@ def fastest(
     within its intervals, in quarters of them: where one would be passed there, all are tightened
     until none is. The duration is above the least one by a part that falls with the number of
     points (some 0.1 % to 0.4 % of 401). With more actuators than freedoms the forces are those of
-    least norm. The jerk is not limited; an S-curve along the path (`along`), as
-    fast as the forces that it needs allow, has one that is.
+    least norm.
+
+    Under a limit of the jerk the motion begins and ends without acceleration, s(t) is cubic between
+    two points of the grid (`jerk_limited`), and the law is a local optimum, which is verified at 8
+    times as many times as points and slowed by what is passed there (some 1e-5 to 1e-3 of the
+    duration at 401 points). Where the jerk rises and falls within few points the grid costs more.
 
     Args:
         robot: that is led.
@@ -129,15 +131,17 @@ def fastest(
         guess: a state on the wanted branch, near the first point; `home` if left out.
 
     Returns:
-        The same path with the law that takes the least time; s'' is constant between two points.
+        The same path with the law that takes the least time; s'' is constant between two points,
+        s''' where the jerk is limited.
 
     Raises:
-        LinkworkError: a path with corners; a place on it that the actuators cannot keep, by its s;
-            a path on which nothing limits the speed; actuators that do not drive all freedoms;
-            joints with bearings.
+        LinkworkError: a path with corners, or, where the jerk is limited, whose curvature leaps; a
+            place on it that the actuators cannot keep, by its s; a path on which nothing limits the
+            speed; actuators that do not drive all freedoms; joints with bearings.
 
     Source: Pham & Pham, IEEE Trans. Robotics 34 (2018) 645; Verscheure et al., IEEE Trans.
-    Automatic Control 54 (2009) 2318.
+    Automatic Control 54 (2009) 2318; of the jerk, Constantinescu & Croft, J. Robotic Systems 17
+    (2000) 233.
     """
     if not isinstance(limits, ActuatorLimits):
         raise LinkworkError(
@@ -154,125 +158,18 @@ def fastest(
         raise LinkworkError(
             f"the path has a corner at s = {timed.corners[0]:.4g}; give its smooth parts one by one"
         )
+    own = limits.of_robot(robot)
+    if np.isfinite(own["jerk"]).any():
+        return gentlest(robot, timed, own, points, guess)
     shape = TimedPath(Path(timed.path.curve, uniform), 1.0, timed.names)
     samples = BETWEEN * (points - 1) + 1
     with checks.at("run through in 1 s, "):
         motion = follow(robot, shape, samples=samples, guess=guess, keep_limits=False)
     way = DrivenWay(robot, motion)
-    x = verified(way, limits.of_robot(robot))
+    refuse_leap(way.rates, motion.time, float(np.abs(way.rates).max()), CORNER)
+    x = verified(way, own)
     law = law_of_squares(motion.time[::BETWEEN], x[::BETWEEN])
     return TimedPath(Path(timed.path.curve, law.law), law.duration, timed.names)
-
-
-@dataclass(frozen=True, eq=False)
-class DrivenWay:
-    """Hold a robot along a path, as a motion with s for the time, at the points of a grid and at
-    those between."""
-
-    robot: Robot
-    motion: Motion
-
-    @cached_property
-    def rates(self) -> np.ndarray:
-        """Rates of the actuators at s' = 1 (points, actuators)."""
-        S = self.robot.actuation(self.motion.state)
-        return (S @ self.motion.rates[..., None])[..., 0]
-
-    @cached_property
-    def passive(self) -> np.ndarray:
-        """Squared rates over their limits, at s' = 1, of what is no actuator and has a limit of
-        speed in the description (points, limits)."""
-        robot, rates = self.robot, self.motion.joint_rates
-        found = [
-            (rates[:, [robot.rates.index(label) for label in labels]] ** 2).sum(axis=1) / speed**2
-            for labels, speed in undriven_speeds(robot.mechanism)
-        ]
-        return np.array(found).reshape(len(found), len(rates)).T
-
-    @cached_property
-    def bends(self) -> np.ndarray:
-        """Accelerations of the actuators at s' = 1, s'' = 0 (points, actuators)."""
-        if set(self.robot.actuators) <= set(self.robot.rates):
-            places = [self.robot.rates.index(name) for name in self.robot.actuators]
-            return self.motion.joint_accelerations[:, places]
-        raise LinkworkError(
-            "an actuator has no coordinate of its own whose acceleration could be limited; limit "
-            "its force"
-        )
-
-    @cached_property
-    def rests(self) -> tuple[bool, bool]:
-        """Whether the path rests by itself at its begin and at its end."""
-        speed = np.abs(self.motion.joint_rates).max(axis=1)
-        return bool(speed[0] < RESTING * speed.max()), bool(speed[-1] < RESTING * speed.max())
-
-    def forces(self, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-        """Return u (points, actuators) for s' and s'' (points,)."""
-        motion = self.motion
-        v = motion.rates * rate[:, None]
-        v_dot = motion.rates * acceleration[:, None] + motion.accelerations * rate[:, None] ** 2
-        return self.robot.inverse_dynamics(motion.state.with_rates(v), v_dot)
-
-    @cached_property
-    def holding(self) -> np.ndarray:
-        """u at rest."""
-        return self.forces(0 * self.motion.time, 0 * self.motion.time)
-
-    @cached_property
-    def per_acceleration(self) -> np.ndarray:
-        """alpha, u per s''."""
-        return self.forces(0 * self.motion.time, 1 + 0 * self.motion.time) - self.holding
-
-    @cached_property
-    def smooth(self) -> bool:
-        """Whether no force but the bodies' inertia depends on rates."""
-        state = self.motion.state
-        moving, resting = (
-            self.robot.passive_forces(each) for each in (state, state.with_rates(0 * state.rates))
-        )
-        return bool((moving == resting).all())
-
-    def at_speed(self, x: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """Return beta and gamma (points, actuators) of the tangent at x (points,), u = alpha s'' +
-        beta x + gamma; of the secant to x = 1 where there is none."""
-        zero = 0 * self.motion.time
-        if self.smooth or x is None:
-            return self.forces(zero + 1, zero) - self.holding, self.holding
-        rate = np.sqrt(x)
-        moving = rate > 0
-        high, low = (self.forces(rate * (1 + h), zero) for h in (STEP, -STEP))
-        slope = (high - low) / np.where(moving, 4 * STEP * x, 1.0)[:, None]
-        slope[~moving] = 0
-        return slope, self.forces(rate, zero) - slope * x[:, None]
-
-    def constraints(self, limits: Mapping[str, np.ndarray], x: np.ndarray | None) -> Constraints:
-        """Return all limits as linear rows, each over its limit; x: at which what is curved is
-        replaced by its tangent."""
-        alpha, (beta, gamma), r = self.per_acceleration, self.at_speed(x), self.rates
-        zero, one = 0 * r, 1 + 0 * r
-        blocks = []
-        if np.isfinite(limits["speed"]).any():
-            blocks.append((zero, (r / limits["speed"]) ** 2, one))
-        if self.passive.size:
-            blocks.append((0 * self.passive, self.passive, 1 + 0 * self.passive))
-        if np.isfinite(limits["acceleration"]).any():
-            A = limits["acceleration"]
-            blocks += [(sign * r / A, sign * self.bends / A, one) for sign in (1, -1)]
-        if np.isfinite(limits["force"]).any():
-            U = limits["force"]
-            blocks += [
-                (sign * alpha / U, sign * beta / U, 1 - sign * gamma / U) for sign in (1, -1)
-            ]
-        if x is not None and np.isfinite(limits["power"]).any():
-            # Over P / |r s'|, whose tangent is 3/2 - x / (2 x_k).
-            over = np.abs(r) * np.sqrt(x)[:, None] / limits["power"]
-            bend = np.divide(0.5, x, out=np.zeros_like(x), where=x > 0)[:, None] + zero
-            blocks += [
-                (sign * alpha * over, sign * beta * over + bend, 1.5 - sign * gamma * over)
-                for sign in (1, -1)
-            ]
-        a, b, c = (np.hstack(parts) for parts in zip(*blocks, strict=True))
-        return Constraints(self.motion.time, a, b, c)
 
 
 def verified(way: DrivenWay, limits: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -381,14 +278,7 @@ def solved(
 
 def refused(way: DrivenWay, limits: Mapping[str, np.ndarray], point: int) -> str:
     """Say what cannot be kept at a point of the path."""
-    held, most = way.holding[point], limits["force"]
-    if (beyond := np.abs(held) > most).any():
-        k = int(np.argmax(beyond))
-        return (
-            f"the actuator {way.robot.actuators[k]!r} needs {held[k]:.6g} to hold the robot still, "
-            f"and its limit is {most[k]:.6g}; give more force, or another path"
-        )
-    return (
+    return way.unheld(limits["force"], point) or (
         "no speed and acceleration keep all limits from rest to rest; give more force, or another "
         "path"
     )

@@ -155,7 +155,7 @@ def gcode(
         return parts[0], parts[1], parts[2]
 
     passed = np.interp(edges, profile(profile.knots)[:, 0], profile.knots).tolist()
-    path = Path(curve, profile.law)
+    path = Path(curve, profile.law, tuple((edges[1:-1] / total).tolist()))
     return TimedPath(path, profile.duration, (), tuple(passed), corners=tuple(corners / total))
 
 

@@ -72,7 +72,8 @@ class TimedPath:
             t, T = np.asarray(s, float) * profile.duration, profile.duration
             return profile(t), T * profile(t, 1), T**2 * profile(t, 2)
 
-        way = path or Path(curve, uniform)
+        inner = profile.knots[1:-1] / profile.duration
+        way = path or Path(curve, uniform, tuple(inner.tolist()))
         return cls(way, profile.duration, names, tuple(passed), profile)
 
     def sample(self, time: ArrayLike) -> Triple:
