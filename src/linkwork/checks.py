@@ -89,6 +89,12 @@ def number(value: object, what: str) -> float:
     return float(array)
 
 
+def switch(value: object, what: str) -> None:
+    """Refuse what is neither True nor False."""
+    if not isinstance(value, bool | np.bool_):
+        raise LinkworkError(f"{what} is {shown(value)}; give True or False")
+
+
 def positive(value: object, what: str, unit: str = "") -> float:
     """Return one positive number; refuse what is none."""
     if not (result := number(value, what)) > 0:

@@ -41,6 +41,12 @@ DOORS: dict[str, Door] = {
 }
 
 
+def test_switches_are_truth_values():
+    assert lw.control.Saturated(1.0, smooth=True).smooth
+    with pytest.raises(lw.LinkworkError, match=r"smooth of Saturated is 0\.5; give True or False"):
+        lw.control.Saturated(1.0, smooth=0.5)  # pyright: ignore[reportArgumentType]
+
+
 @pytest.mark.parametrize("door", DOORS)
 @pytest.mark.parametrize("yes", [True, np.True_], ids=["bool", "numpy"])
 def test_truth_values_are_refused(robot, door, yes):

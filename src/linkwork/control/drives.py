@@ -40,8 +40,11 @@ class Drive(ActingPart, ABC):
 
     def __post_init__(self) -> None:
         bounded = {name for name, told in described(type(self)).items() if told.kind is Positive}
+        switches = {f.name for f in fields(self) if f.type in (bool, "bool")}
         for name, value in vars(self).items():
-            if value is not None and not math.symbolic(value):
+            if name in switches:
+                checks.switch(value, f"{name} of {type(self).__name__}")
+            elif value is not None and not math.symbolic(value):
                 positive = name in bounded or name in self.positive
                 check = checks.positive if positive else checks.number
                 check(value, f"{name} of {type(self).__name__}")
