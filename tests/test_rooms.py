@@ -24,6 +24,7 @@ PAIRS = [kind for kind in TYPES.values() if issubclass(kind, PairJoint)]
 SHAPES = get_args(get_args(Shape)[0])
 MAKERS = {
     "equations/topology.py",
+    "formats/drake.py",
     "formats/floating.py",
     "formats/mjcf/loops.py",
     "formats/sdf/joints.py",

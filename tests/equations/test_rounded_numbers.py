@@ -9,6 +9,7 @@ import pytest
 import linkwork as lw
 from linkwork import robots
 from linkwork.equations import derive
+from linkwork.equations.lengths import own_length
 from linkwork.errors import ModelWarning
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, RevoluteJoint
 
@@ -229,3 +230,17 @@ def test_a_reference_with_seven_digits_of_a_loop_that_closes_is_closed_to_roundi
     )
     assert robot.closure_error(robot.home) < 1e-12 and not robot.notes
     np.testing.assert_allclose(robot.home.positions, home, atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e18, 1e26])
+@pytest.mark.parametrize("name", ["prr3", "delta", "stewart"])
+def test_inertias_far_too_great_leave_the_length_and_the_freedoms(name, size):
+    mechanism = getattr(robots, name)()
+    bodies = {
+        key: body.model_copy(update={"inertia": Inertia(xx=size, yy=size, zz=size)})
+        for key, body in mechanism.bodies.items()
+    }
+    heavy = mechanism.model_copy(update={"bodies": bodies})
+    assert own_length(heavy) == own_length(mechanism)
+    if name == "prr3":
+        assert derive(heavy).mobility == 3

@@ -491,7 +491,7 @@ def test_rotors_behind_gears_add_to_the_inertia(tmp_path):
     assert (first["k"].rotor_inertia, second["k"].rotor_inertia) == (0, pytest.approx(0.2))
 
 
-@pytest.mark.parametrize("tag", ["linear_bushing_rpy", "ball_constraint", "joint"])
+@pytest.mark.parametrize("tag", ["linear_bushing_rpy", "tendon_constraint", "prismatic_spring"])
 def test_what_drake_adds_to_the_motion_is_warned_of(tag, tmp_path):
     with pytest.warns(ModelWarning, match=f"drake:{tag}"):
         read(arm(extra=f'<drake:{tag} name="x"/>'), tmp_path)

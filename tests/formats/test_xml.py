@@ -214,3 +214,16 @@ def test_garbled_models_are_read_or_refused(name, tmp_path):
             refused += 1
     assert refused > 40
     assert accepted > 40
+
+
+def test_an_attribute_of_blanks_gives_nothing(tmp_path):
+    path = tmp_path / "blank.xml"
+    path.write_text('<mujoco><geom rgba="" pos=" "/></mujoco>')
+    (geom,) = xml.read(path).children
+    assert geom.numbers("rgba", (4,), (1.0,)) == (1.0,) and geom.vector("pos", (1, 2, 3)) == (
+        1,
+        2,
+        3,
+    )
+    with pytest.raises(MechanismError, match="pos holds 0 numbers; give 3"):
+        geom.vector("pos")

@@ -3,7 +3,8 @@ description is written in.
 
 It is the largest extent of what a body holds, its joints and its mass centre, or a rod's length.
 Where these vanish it is the radius of gyration, then the largest slide of the reference; a
-mechanism without any length has 1 m.
+mechanism without any length has 1 m. They vanish where they are rounding beside that radius, unless
+it is one that no body has: inertias far too great do not make a point of a robot.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from linkwork.mechanism.joints import SLIDES, PairJoint
 
 ROUNDING = 1e-9
 """Part of the largest coordinate, and of the radius of gyration, below which an extent is none."""
+WIDEST = 1e6
+"""Radius of gyration [m] above which it is a wrong inertia's, and tells nothing of extents."""
 
 
 def own_length(mechanism: Mechanism) -> float:
@@ -29,7 +32,8 @@ def own_length(mechanism: Mechanism) -> float:
     extents += held_lengths(mechanism.pairs.values())
     farthest = max((float(np.abs(own).max()) for own in points), default=0.0)
     gyration = radius_of_gyration(mechanism)
-    if max(extents, default=0.0) > ROUNDING * max(farthest, gyration):
+    size = gyration if gyration < WIDEST else 0.0
+    if max(extents, default=0.0) > ROUNDING * max(farthest, size):
         return max(extents)
     lengths = {label for label, unit in slides(mechanism).items() if unit}
     slid = [abs(value) for label, value in mechanism.reference.items() if label in lengths]

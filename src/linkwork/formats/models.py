@@ -139,12 +139,15 @@ def read(path: str | Path, reading: Reading = PLAIN) -> Imported:
     mechanism = form.opened().read(root, notes, reading)
     if reading.floating:
         mechanism = floated(mechanism, path.name, notes)
+    from linkwork.equations.reference import described
     from linkwork.formats.weightless import tell
 
     try:
-        tell(mechanism, path.name, notes)
+        described(mechanism)
     except MechanismError as refusal:  # of the reference, which another may replace
         notes.say(f"{path.name}: {refusal}", alters=True)
+    else:
+        tell(mechanism, path.name, notes)
     return Imported(mechanism.model_copy(update={"caveats": notes.caveats()}), notes.sentences())
 
 

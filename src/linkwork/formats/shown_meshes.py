@@ -15,6 +15,9 @@ def can_be_shown(visual: Element, path: Path, scale: tuple[float, ...], notes: N
         kind = path.suffix or "without a suffix"
         notes.on(visual, f"is not shown: meshes are {', '.join(SUFFIXES)} here, not {kind}")
         return False
+    if not path.stat().st_size:
+        notes.on(visual, "is not shown: its mesh's file is empty")
+        return False
     if 0 in scale:
         notes.on(visual, "is not shown: its mesh has a scale of 0")
         return False

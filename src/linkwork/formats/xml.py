@@ -127,11 +127,11 @@ class Element:
         most: float = HUGE,
     ) -> tuple[float, ...]:
         """Return the numbers of an attribute; another count than those allowed, or a number that is
-        not finite, is refused.
+        not finite, is refused. An attribute of blanks gives nothing, as in MuJoCo.
 
         most: the largest number of either sign
         """
-        if name not in self.attributes and default is not None:
+        if default is not None and not self.attributes.get(name, "").strip():
             return default
         words = self.text(name).split()
         if len(words) not in counts:

@@ -70,4 +70,6 @@ def _of_mesh(shape: Any) -> Solid:
     try:
         return weighed(mesh, shape.inertia)
     except LinkworkError as error:
-        raise LinkworkError(f"{name} cannot be weighed: {error}") from None
+        raise LinkworkError(
+            f"{name} cannot be weighed: {error}; give a mass, or weigh its surface (inertia: shell)"
+        ) from None

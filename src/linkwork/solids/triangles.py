@@ -135,7 +135,7 @@ def weighed(mesh: Triangles, mode: Mode = "exact") -> Solid:
         raise LinkworkError(
             "its triangles face inwards; turn them round"
             if whole <= -least
-            else "it encloses no volume; weigh it as a shell (inertia: shell)"
+            else "it encloses no volume"
         )
     centre = parts @ (weight * corners.mean(axis=1) + (1 - weight) * middle) / whole
     # Second moments about it.

@@ -41,7 +41,10 @@ ANGULAR_VELOCITY = {"wx": 0, "wy": 1, "wz": 2}
 SITES = ("site", "refsite", "slidersite", "cranksite")
 ELSEWHERE = ("body", "slidersite", "refsite")  # what is no transmission by itself
 
-WHY = {"body": "it pulls at the contacts of a body, of which nothing is read"}
+WHY = {
+    "body": "it pulls at the contacts of a body, of which nothing is read",
+    "": "it names nothing that it acts on; name a joint, a tendon or a site",
+}
 APART = (
     "its refsite moves by joints by which its site does not, and MuJoCo's force is then not along "
     "its length; take a refsite of a body that carries the other, or the world's"
@@ -200,7 +203,7 @@ class ActuatorReader:
             return self._of_sites(element, gear)
         if "site" in attributes:
             return self._of_site(element, gear)
-        what = next((key for key in ELSEWHERE if key in attributes), "nothing known")
+        what = next((key for key in ELSEWHERE if key in attributes), "")
         why = WHY.get(what, f"what acts on a {what} is no actuator here")
         self.notes.on(element, f"is left out: {why}")
         return None

@@ -16,7 +16,7 @@ from math import inf, pi
 
 import numpy as np
 
-from linkwork.formats import poses
+from linkwork.formats import drake, poses
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.sdf.scopes import MODEL, Scope
@@ -29,6 +29,7 @@ from linkwork.mechanism import (
     GearJoint,
     Joint,
     Limits,
+    PlanarJoint,
     PrismaticJoint,
     RevoluteJoint,
     ScrewJoint,
@@ -92,6 +93,8 @@ class JointReader:
                 self.read.append(joint)
                 if kind != "gearbox":
                     self._pair(joint, kind)
+        for element in scope.element.each(drake.JOINT):
+            self._planar(scope, element)
 
     def couplings(self) -> None:
         """Read the gears: gearboxes, and axes that mimic others."""
@@ -100,6 +103,7 @@ class JointReader:
                 self._gearbox(joint)
             for axis in AXES:
                 self._mimic(joint, axis)
+            self._mimic_of_drake(joint)
 
     # -------------------------------------------------------------------------------------- pairs
 
@@ -124,6 +128,31 @@ class JointReader:
             self._two_axes(joint, fields)
         else:
             self._one_axis(joint, kind, fields)
+
+    def _planar(self, scope: Scope, element: Element) -> None:
+        """Read a joint of Drake's in the plane of x and y of its parent."""
+        if element.text("type") != "planar":
+            self.notes.on(element, "is left out: only planar ones are known here", alters=True)
+            return
+        ends = [element.named(f"drake:{end}") for end in ("parent", "child")]
+        mounts = [scope.mount(end.content, end) for end in ends]
+        if mounts[0][0] == mounts[1][0]:
+            raise element.refusal(f"connects {shortened(mounts[0][0])} to itself")
+        damping = element.inner("drake:damping")
+        given = damping.vector(damping.tag) if damping else (0.0, 0.0, 0.0)
+        self.joints[self.names.give(scope.path + element.text("name"), element)] = element.make(
+            PlanarJoint,
+            connects=tuple(GROUND if body == GROUND else self.bodies[body] for body, _ in mounts),
+            frames=tuple(
+                poses.frame_of(poses.inverse(B) @ scope.in_world(end.content, end))
+                for end, (_, B) in zip(ends, mounts, strict=True)
+            ),
+            friction={
+                freedom: Friction(viscous=value)
+                for freedom, value in zip(PlanarJoint.freedoms, given, strict=True)
+                if value
+            },
+        )
 
     def _one_axis(self, joint: SdfJoint, kind: str, fields: dict) -> None:
         # Drake's elements of a rotor behind a gear, beside the axis.
@@ -308,3 +337,19 @@ class JointReader:
         ratios = {joint.labels[tag]: 1.0, other.labels[of]: -multiplier}
         gear = mimic.make(GearJoint, ratios=ratios, offset=offset - multiplier * reference)
         self.joints[self.names.give(f"{joint.labels[tag]}_mimic")] = gear
+
+    def _mimic_of_drake(self, joint: SdfJoint) -> None:
+        """Add a gear where a joint has Drake's mimic: q = multiplier q_of + offset."""
+        mimic = joint.element.first("drake:mimic")
+        if mimic is None or "axis" not in joint.labels:
+            return
+        wanted = mimic.text("joint")
+        element = joint.scope.named.get(wanted)
+        other = next((each for each in self.read if each.element is element), None)
+        if other is None or "axis" not in other.labels:
+            raise mimic.refusal(f"there is no joint {shortened(wanted)} of one axis to mimic")
+        multiplier, offset = mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)
+        joint.driven["axis"] = False
+        ratios = {joint.labels["axis"]: 1.0, other.labels["axis"]: -multiplier}
+        gear = mimic.make(GearJoint, ratios=ratios, offset=offset)
+        self.joints[self.names.give(f"{joint.labels['axis']}_mimic")] = gear

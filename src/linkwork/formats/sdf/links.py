@@ -173,6 +173,8 @@ def _shown(
     except MechanismError:
         notes.on(visual, f"is a mesh that is not shown: {ABSENT}")
         return
+    if mesh.first("submesh") is not None:
+        notes.on(visual, "says submesh; the whole mesh is shown")
     scale = _scale(mesh)
     if can_be_shown(visual, path, scale, notes):
         yield mesh.make(MeshFile, file=str(path), scale=scale, **fields)

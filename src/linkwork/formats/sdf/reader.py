@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from linkwork.formats import poses
+from linkwork.formats import drake, poses
 from linkwork.formats.floating import FLOATING
 from linkwork.formats.masses import without_noise
 from linkwork.formats.names import FreeNames
@@ -33,6 +33,7 @@ from linkwork.mechanism import (
     Mechanism,
     MechanismError,
     PairJoint,
+    PointSpring,
     Tool,
 )
 from linkwork.mechanism.body import rigid
@@ -46,6 +47,7 @@ SILENT = (
     *("model", "include", "link", "joint", "frame", "pose", "static", "gravity", "world", "actor"),
     *("self_collide", "allow_auto_disable", "enable_wind", "gui", "scene", "light", "state"),
     *("physics", "road", "audio", "population", "spherical_coordinates", "magnetic_field"),
+    *(*drake.BETWEEN, drake.JOINT, drake.BUSHING),
 )
 
 
@@ -73,7 +75,8 @@ def read_sdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     for scope in scopes:
         reader.scope(scope)
     reader.couplings()
-    joints: dict[str, Joint] = {**_free(scopes, keys, reader), **reader.joints}
+    tied, springs = _tied(scopes, keys, reader.names)
+    joints: dict[str, Joint] = {**_free(scopes, keys, reader), **reader.joints, **tied}
     bodies |= reader.between
     loops = sum(isinstance(joint, PairJoint) for joint in joints.values()) > len(bodies)
     actuators = _driven(reader, loops, root, notes)
@@ -83,6 +86,7 @@ def read_sdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
             gravity=_gravity(top),
             bodies=bodies,
             joints=joints,
+            springs=springs,
             actuators=actuators,
             drives=_drives(reader, actuators, root, notes),
             tools=_tools(scopes, keys, notes),
@@ -105,6 +109,8 @@ def _survey(scopes: Iterable[Scope], notes: Notes) -> None:
         for child in scope.element.children:
             if child.tag == "plugin":
                 notes.on(child, "is left out: it is a program")
+            elif child.tag == drake.BUSHING:
+                notes.on(child, drake.SOFT, alters=True)
             elif child.tag not in SILENT:
                 notes.on(child, "is left out: it is not known here", alters=True)
         if scope.static:
@@ -160,6 +166,23 @@ def _free(scopes: list[Scope], keys: dict[str, str], reader: JointReader) -> dic
         reader.names.give(FLOATING if len(free) == 1 else f"{body}_{FLOATING}"): joint
         for body, joint in free.items()
     }
+
+
+def _tied(
+    scopes: list[Scope], keys: dict[str, str], names: FreeNames
+) -> tuple[dict[str, Joint], dict[str, PointSpring]]:
+    """Return the joints and springs that Drake's elements are."""
+    joints: dict[str, Joint] = {}
+    springs: dict[str, PointSpring] = {}
+    for scope in scopes:
+
+        def mount(name: str, asking: Element, scope: Scope = scope) -> tuple[str, np.ndarray]:
+            key, B = scope.mount(name, asking)
+            return keys.get(key, GROUND), poses.inverse(B) @ scope.in_world(name, asking)
+
+        own, between = drake.read_between(scope.element, mount, names)
+        joints, springs = joints | own, springs | between
+    return joints, springs
 
 
 def _driven(reader: JointReader, loops: bool, root: Element, notes: Notes) -> tuple[str, ...]:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from linkwork.formats import poses
+from linkwork.formats import drake, poses
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import GROUND
 
 TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-ONE_FREEDOM = ("revolute", "continuous", "prismatic")
+ONE_FREEDOM = ("revolute", "continuous", "prismatic", "screw")
+DRAKE = {"ball": "spherical", "universal": "universal", "planar": "planar", "screw": "screw"}
+WORLD = "world"  # Drake's name of ground, which need not be a link
 NO_LIMIT = 1e9  # what bounds a slide that nothing bounds; URDF wants a limit [m]
 FRAME_MASS = 1e-6  # links lighter than this that are fixed and carry nothing are frames [kg]
 
@@ -137,7 +139,11 @@ def read_model(root: Element, notes: Notes, moving: bool = False) -> UrdfModel:
         links[name] = link
     # Joints: each link is carried once at most.
     model = UrdfModel(root, FreeNames(notes))
-    for element in root.each("joint"):
+    elements = [*root.each("joint", drake.JOINT)]
+    carrying = (inner for each in elements for inner in each.each("parent"))
+    if WORLD not in links and any(inner.attributes.get("link") == WORLD for inner in carrying):
+        links[WORLD] = replace(root, tag="link", attributes={"name": WORLD}, children=[])
+    for element in elements:
         joint = _read_joint(element, links)
         if joint.name in model.joints:
             raise element.refusal("has the name of another joint; names are given once")
@@ -184,14 +190,17 @@ def read_model(root: Element, notes: Notes, moving: bool = False) -> UrdfModel:
 
 
 def _read_joint(element: Element, links: dict[str, Element]) -> UrdfJoint:
-    kind = element.choice("type", TYPES, "")
+    kinds = DRAKE if element.tag == drake.JOINT else dict(zip(TYPES, TYPES, strict=True))
+    kind = kinds[element.choice("type", tuple(kinds), "")]
     ends = [element.named(end).text("link") for end in ("parent", "child")]
     for link in ends:
         if link not in links:
             raise element.refusal(f"there is no link {link!r}")
     if ends[0] == ends[1]:
         raise element.refusal(f"connects {ends[0]!r} to itself")
+    flat = element.tag == drake.JOINT and kind == "planar"  # always in the plane of x and y
     axis = np.zeros(3) if kind in ("fixed", "floating") else axis_of(element)
+    axis = np.array([0.0, 0.0, 1.0]) if flat else axis
     return UrdfJoint(element, element.text("name"), kind, ends[0], ends[1], origin(element), axis)
 
 

@@ -9,11 +9,12 @@ Source: the URDF specification, https://wiki.ros.org/urdf/XML.
 
 from __future__ import annotations
 
+from functools import partial
 from math import inf
 
 import numpy as np
 
-from linkwork.formats import poses, xml
+from linkwork.formats import drake, poses, xml
 from linkwork.formats.masses import NOISE as RELATIVE
 from linkwork.formats.masses import without_noise
 from linkwork.formats.names import FreeNames
@@ -47,6 +48,7 @@ from linkwork.mechanism import (
     PlanarJoint,
     PrismaticJoint,
     RevoluteJoint,
+    ScrewJoint,
     Shape,
     SphericalJoint,
     Spring,
@@ -54,6 +56,7 @@ from linkwork.mechanism import (
     UniversalJoint,
 )
 from linkwork.mechanism.body import rigid
+from linkwork.mechanism.joints import ManyFreedoms
 from linkwork.solids.solid import Solid, together
 
 NOISE = 1e-15  # moments of inertia that rounding leaves, relative to mass times squared size
@@ -68,19 +71,17 @@ GAZEBO_MOTION = {
     "link": "links are those of the file itself",
     "model": "models inside are not read",
 }
-DRAKE_MOTION = (
-    "drake:joint",
-    "drake:ball_constraint",
-    "drake:linear_bushing_rpy",
-    "drake:linear_spring_damper",
-    "drake:prismatic_spring",
-    "drake:tendon_constraint",
-)
+DRAKE_MOTION = ("drake:prismatic_spring", "drake:tendon_constraint")
 OFF = ("false", "0", "0.0")
 MACRO = "is a macro; expand the file with xacro first"
 DEFINITIONS = ("xacro:property", "xacro:macro", "xacro:arg")
+JOINTS = ("joint", drake.JOINT)
+PITCH = "drake:screw_thread_pitch"  # advance per turn [m]
 SILENT = {
-    "robot": {"material", "link", "joint", "loop", "coupling", "constraint", "transmission"},
+    "robot": {
+        *("material", "link", "loop", "coupling", "constraint", "transmission"),
+        *(*JOINTS, *drake.BETWEEN, drake.BUSHING),
+    },
     "link": {"visual", "collision", "material", "inertial", "origin"},
     "joint": {
         "origin",
@@ -92,8 +93,10 @@ SILENT = {
         "mimic",
         "calibration",
         "safety_controller",
+        PITCH,
     },
 }
+SILENT[drake.JOINT] = SILENT["joint"]
 
 
 def read_urdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
@@ -144,7 +147,9 @@ def _mechanism(root: Element, notes: Notes, reading: Reading) -> Mechanism:
         if joint.child not in model.frames
     }
     # What couples joints, and which of them are driven.
-    gears, loops = _mimics(model, notes), closures.joints(model)
+    gears = _mimics(model, notes)
+    tied, springs = drake.read_between(root, partial(_mounted, model), model.names)
+    loops = closures.joints(model) | tied
     used, tool_names = closures.frames(), FreeNames(notes)
     actuation = read_actuation(model, closures.actuators, bool(loops), notes)
     try:
@@ -152,6 +157,7 @@ def _mechanism(root: Element, notes: Notes, reading: Reading) -> Mechanism:
             name=root.attributes.get("name") or root.file.stem,
             bodies=bodies,
             joints=joints | gears | loops,
+            springs=springs,
             transmissions=actuation.transmissions,
             actuators=tuple(actuation.names),
             drives=actuation.drives,
@@ -163,6 +169,13 @@ def _mechanism(root: Element, notes: Notes, reading: Reading) -> Mechanism:
         )
     except MechanismError as error:
         raise MechanismError(f"{root.file}: {error}") from None
+
+
+def _mounted(model: UrdfModel, link: str, asking: Element) -> tuple[str, np.ndarray]:
+    """Return the body that a link is, or is fixed to, and the link's pose in it."""
+    if link not in model.links:
+        raise asking.refusal(f"there is no link {xml.shortened(link)}")
+    return model.seat(link)
 
 
 def _say_what_stands(model: UrdfModel, notes: Notes) -> None:
@@ -189,20 +202,22 @@ def _survey(root: Element, notes: Notes) -> list[Element]:
     for element in (each for each in root.children if each not in macros):
         if element.tag == "gazebo":
             _survey_gazebo(element, notes)
+        if element.tag == drake.BUSHING:
+            notes.on(element, drake.SOFT, alters=True)
         if element.tag not in SILENT["robot"] and not any(element.each(*GAZEBO_READ)):
             notes.on(
                 element,
                 "is left out: it is no part of a mechanism known here",
                 alters=element.tag in DRAKE_MOTION,
             )
-        for child in element.children if element.tag in ("link", "joint") else ():
+        for child in element.children if element.tag in ("link", *JOINTS) else ():
             if child.tag.startswith("xacro:"):
                 notes.on(child, f"in a <{element.tag}> is left out: it {MACRO}", alters=True)
             elif child.tag not in SILENT[element.tag] and not _says_nothing(child):
                 notes.on(
                     child,
                     f"in a <{element.tag}> is left out: it is not known here",
-                    alters=element.tag == "joint" or child.tag in MASSES,
+                    alters=element.tag in JOINTS or child.tag in MASSES,
                 )
     return macros
 
@@ -304,15 +319,17 @@ def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
         case "floating":
             return FreeJoint(connects=connects, frames=frames)
         case "spherical":
-            return SphericalJoint(connects=connects, frames=frames)
+            friction = _viscous(joint, SphericalJoint)
+            return SphericalJoint(connects=connects, frames=frames, friction=friction)
         case "universal":
-            one, two = (poses.triple(np.eye(3)["xyz".index(letter)]) for letter in joint.axes)
-            return UniversalJoint(connects=connects, frames=frames, axes=(one, two))
+            axes = tuple(poses.triple(np.eye(3)["xyz".index(letter)]) for letter in joint.axes)
+            friction = _viscous(joint, UniversalJoint)
+            return UniversalJoint(connects=connects, frames=frames, axes=axes, friction=friction)
         case "planar":
             turn = poses.pose(rotation=poses.from_z(joint.axis))
-            return PlanarJoint(
-                connects=connects, frames=(poses.frame_of(first @ turn), poses.frame_of(turn))
-            )
+            frames = poses.frame_of(first @ turn), poses.frame_of(turn)
+            friction = _viscous(joint, PlanarJoint)
+            return PlanarJoint(connects=connects, frames=frames, friction=friction)
     # Hinges and slides, with theirs, and a spring of Gazebo's.
     dynamics = element.first("dynamics")
     friction = Friction()
@@ -332,7 +349,26 @@ def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
         "limits": _limits(joint),
         "rotor_inertia": reflected_inertia(model, joint),
     }
+    if joint.type == "screw":
+        pitch = element.named(PITCH).number("value") / (2 * np.pi)
+        return element.make(ScrewJoint, pitch=pitch, **fields)
     return element.make(PrismaticJoint if joint.type == "prismatic" else RevoluteJoint, **fields)
+
+
+def _viscous(joint: UrdfJoint, made: type[ManyFreedoms]) -> dict[str, Friction]:
+    """Return the damping of a joint of several freedoms, one number or one of each: Drake's, and
+    that of planar joints."""
+    dynamics = joint.element.first("dynamics")
+    if dynamics is None or (joint.element.tag != drake.JOINT and joint.type != "planar"):
+        return {}
+    count = len(made.freedoms)
+    given = dynamics.numbers("damping", (1, count), (0.0,))
+    each = np.broadcast_to(given, count).tolist()
+    return {
+        freedom: dynamics.make(Friction, viscous=value)
+        for freedom, value in zip(made.freedoms, each, strict=True)
+        if value
+    }
 
 
 def _spring(model: UrdfModel, joint: UrdfJoint) -> Spring:
