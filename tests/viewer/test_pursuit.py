@@ -12,6 +12,7 @@ from linkwork.viewer.bounds import bounds_of
 from linkwork.viewer.pursuit import Pursuit, listed
 from linkwork.viewer.session import Session
 
+from tests.analysis.test_translating_platforms import BASE, upu
 from tests.oracle.scaling import Scale
 from tests.robot.mixed_freedoms import scara, three_legs
 
@@ -270,6 +271,33 @@ def test_a_slightly_open_configuration_is_closed_and_a_hopeless_one_is_not(pursu
     closed = pursuit.close(q + 1e-3)
     assert closed is not None and pursuit.robot.closure_error(pursuit.at(closed)) < 1e-12
     assert pursuits["prr3"].close(pursuits["prr3"].robot.home.q + 50.0 * np.eye(7)[0]) is None
+
+
+def dragged(session: Session, *shift: float) -> str:
+    """Drag the tool to a place beside its first one; return what is told there."""
+    p, R = tool(session.pursuit, session.robot.home)
+    session.drag(p + np.array(shift), R)
+    while session.active:
+        session.advance(0.05)
+    return session.notice
+
+
+def test_singular_poses_of_the_drives_that_are_passed_are_told():
+    """A five-bar whose forearms come into one line, and back; what was told goes with the hand."""
+    session = Session(Robot("five_bar"))
+    assert dragged(session, 0.0, 0.02, 0.0) == ""
+    assert "a singular pose of the drives was passed" in dragged(session, 0.0, -0.3, 0.0)
+    session.release()
+    assert dragged(session, 0.0, -0.31, 0.0) == ""
+    assert "of the drives was passed" in dragged(session, 0.0, 0.0, 0.0)
+
+
+def test_singular_poses_of_the_loops_that_are_passed_are_told():
+    """Where a 3-UPU's platform may turn: its legs' axes are at their base's radius from there."""
+    session = Session(upu())
+    for y in (0.9 * BASE, -0.9 * BASE):
+        assert dragged(session, 0.0, y, 0.0) == ""
+    assert "a singular pose of the loops was passed" in dragged(session, 0.0, -1.1 * BASE, 0.0)
 
 
 def test_listed_names():

@@ -27,6 +27,7 @@ from linkwork.model.labels import POSES
 from linkwork.model.task import freedoms, stated, task_if_any
 from linkwork.robot import Robot, State
 from linkwork.viewer.bounds import Bound, bounds_of
+from linkwork.viewer.crossings import Crossings
 from linkwork.viewer.hand_goals import HandGoal, JointGoal, Outputs, ToolGoal
 
 CLOSED = 1e-13  # of the rows in the mechanism's own units, relative to the robot's size
@@ -54,11 +55,12 @@ FEW = 3  # names that are listed
 @dataclass(frozen=True)
 class HandReached:
     """Tell where a pursuit stands: the state, whether the goal is reached, and if it cannot be, why
-    (else empty)."""
+    (else empty); passed: the singular pose that was passed on the way (else empty)."""
 
     state: State
     arrived: bool
     obstacle: str = ""
+    passed: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +144,16 @@ class Pursuit:
         return bounds_of(self.robot)
 
     @cached_property
+    def crossings(self) -> Crossings:
+        return Crossings(self.robot, self.scale, self.assembler.units, self.between)
+
+    def between(self, first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, Outputs]:
+        """Return the pose between two neighbouring ones, its loops closed, and its outputs."""
+        q = unit(self.robot.equations.tree, (first + last) / 2)
+        H_inverse, _ = inverse(self.jacobian(self.assembler.still(q), Held()))
+        return self.closed(q, Held(), H_inverse)
+
+    @cached_property
     def scale(self) -> np.ndarray:
         """Return what turns rates of the tree, as lengths, into rates: 1 of a slide, 1 / l of a
         turn (nv)."""
@@ -161,7 +173,7 @@ class Pursuit:
             The state reached, closed; whether that is the goal; where there is no way on, what
             stands in it.
         """
-        q, out = state.q, self.assembler.still(state.q)
+        q, out, crossed = state.q, self.assembler.still(state.q), ""
         for _ in range(pieces):
             left = off(out, goal)
             if left <= ARRIVED * self.size:
@@ -171,10 +183,11 @@ class Pursuit:
             moved = np.linalg.norm(goal.rows(out_next)[0] - goal.rows(out)[0])
             nearer = off(out_next, goal) < left
             if nearer:
+                crossed = self.crossings.passed((q, out), (q_next, out_next), goal) or crossed
                 q, out = q_next, out_next
             if not nearer or moved < STUCK * walk:
-                return HandReached(self.at(q), False, self.obstacle(out, goal, held))
-        return HandReached(self.at(q), off(out, goal) <= ARRIVED * self.size)
+                return HandReached(self.at(q), False, self.obstacle(out, goal, held), crossed)
+        return HandReached(self.at(q), off(out, goal) <= ARRIVED * self.size, passed=crossed)
 
     def lead(self, state: State, goal: HandGoal, steps: int = 200) -> HandReached:
         """Walk the whole way to a goal, as far as there is one."""

@@ -91,7 +91,8 @@ class Session:
         where it leads the tools, and where it stands; over: another one, shown at the same times
     following: whether the state is that of the run; shown: kinds of arrows, names and frames;
         trailing: whether the tools' trail is; measure: the name of what is told of the pose
-    led: where a hand has led the tools; notice: one sentence on what stands in the way
+    led: where a hand has led the tools; notice: one sentence on what stands in the way, or was
+        passed; passed: the singular pose that was passed since the hand let go last
     rails: as long as what was shown of the present run, or of posing, needs
     largest: magnitudes of straight and of turning arrows, by kind, that are drawn in full along the
         run
@@ -112,6 +113,7 @@ class Session:
     measure: str = CONDITIONING
     led: HandTrail = field(default_factory=HandTrail)
     notice: str = ""
+    passed: str = ""
     rails: tuple[Rail, ...] = field(init=False)
     largest: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
@@ -182,17 +184,18 @@ class Session:
         """Want one actuated coordinate [m, rad] at a value, the others where they are."""
         value = checks.number(value, name)
         self.pose_by_hand()
-        targets = {other: float(self.state[other]) for other in self.sliders}
+        self.passed, targets = "", {other: float(self.state[other]) for other in self.sliders}
         self.goal = self.pursuit.joint_goal(targets | {name: value})
 
     def release(self) -> None:
         """Want nothing further: stay where the robot is."""
-        self.goal = None
+        self.goal, self.passed = None, ""
 
     def show(self, state: State, notice: str = "") -> None:
         """Show a state of this robot, at rest."""
         self.pose_by_hand()
-        self.state, self.goal, self.notice = self.robot.own(state), None, notice
+        self.state, self.goal = self.robot.own(state), None
+        self.notice, self.passed = notice, ""
         self.led = HandTrail()
 
     def load(self, run: Run) -> None:
@@ -283,7 +286,8 @@ class Session:
         if self.goal is not None:
             self.led.add(tool_points(self.robot, self.state))
             reached = self.pursuit.step(self.state, self.goal)
-            self.notice, self.state = reached.obstacle, reached.state
+            self.passed, self.state = reached.passed or self.passed, reached.state
+            self.notice = "; ".join(filter(None, (reached.obstacle, self.passed)))
             if reached.arrived or reached.obstacle:
                 self.goal = None
             return True
