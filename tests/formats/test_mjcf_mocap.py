@@ -60,3 +60,26 @@ def test_what_is_welded_to_a_mocap_body_stands_with_it(tmp_path):
     mj.mju_quat2Mat(R, model.key_mquat[0])
     expected = model.key_mpos[0] + R.reshape(3, 3) @ at
     assert robot.body_poses(robot.home)["c"][0] == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "key",
+    ['qpos="0.3"', 'qpos="0.3 1 4 5 6 0.6 0.8"', 'mpos="7"', 'mpos="7 8 9" mquat="0.6 0.8"'],
+)
+def test_what_a_keyframe_does_not_say_to_the_end_stays_as_mujoco_has_it(key, tmp_path):
+    path = tmp_path / "short.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="a"><joint name="a"/><joint name="s" type="slide" ref="2"/>'
+        '<geom size=".1"/></body><body name="f" pos="1 2 3"><freejoint name="f"/><geom size=".1"/>'
+        '</body><body name="m" mocap="true" pos="4 5 6"/></worldbody>'
+        f'<keyframe><key name="home" {key}/></keyframe></mujoco>'
+    )
+    robot = lw.Robot(load(path).mechanism)
+    model = mj.MjModel.from_xml_path(str(path))
+    data = mj.MjData(model)
+    mj.mj_resetDataKeyframe(model, data, 0)
+    mj.mj_forward(model, data)
+    places = robot.body_poses(robot.home)
+    for name in "afm":
+        assert places[name][0] == pytest.approx(data.body(name).xpos, abs=1e-12)
+        assert places[name][1] == pytest.approx(data.body(name).xmat.reshape(3, 3), abs=1e-12)

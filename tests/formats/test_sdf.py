@@ -468,3 +468,17 @@ def test_refusals_name_file_line_and_element(case, tmp_path):
         read(text, tmp_path)
     assert str(refusal.value).startswith(f"{tmp_path / 'model.sdf'}: line ")
     assert words in str(refusal.value)
+
+
+def test_joints_with_names_of_links_and_links_called_world_as_in_old_files(tmp_path):
+    parts = "<link name='world'/><link name='arm'/>"
+    text = model(parts, joint("arm", "revolute", "world", "arm"), version="1.5")
+    imported = read(text, tmp_path)
+    mechanism = imported.mechanism
+    assert set(mechanism.bodies) == {"world", "arm"}
+    assert mechanism.joints["arm_joint"].connects == ("world", "arm")
+    assert mechanism.joints["floating_base"].connects == ("ground", "world")
+    assert any("has the name of a link or a frame" in each for each in imported.notes)
+    twice = model(parts, "<link name='arm'/>")
+    with pytest.raises(MechanismError, match="has the name of another part"):
+        read(twice, tmp_path)

@@ -252,12 +252,13 @@ def _put_by_key(document: Document, tree: ModelTree) -> ModelTree:
     nodes = [node for node in tree.nodes.values() if node.element.attributes.get("mocap") == "true"]
     if home is None or not nodes:
         return tree
-    # What the keyframe does not say stays as the bodies say.
+    # What the keyframe does not say, or not to the end, stays as the bodies say.
     places = np.array([node.pose[:3, 3] for node in nodes])
     turns = np.array([poses.to_quaternion(node.pose[:3, :3]) for node in nodes])
     for name, values in (("mpos", places), ("mquat", turns)):
         given = home.numbers(name, tuple(range(values.size + 1)), ())
-        values.flat[: len(given)] = given
+        whole = len(given) - len(given) % values.shape[1]
+        values.flat[:whole] = given[:whole]
     moved = dict(tree.nodes)
     for node, p, q in zip(nodes, places, turns, strict=True):
         X = poses.pose(p, poses.from_quaternion(*q)) if q.any() else poses.pose(p)
@@ -277,7 +278,13 @@ def _reference(
     home = _home(document)
     if home is not None and "qpos" in home.attributes:
         counts = [COORDINATES[piece.kind] for _, piece in pieces]
-        values = np.array(home.numbers("qpos", (sum(counts),)))
+        values, said = (
+            np.concatenate([np.zeros(0), *positions.values()]),
+            home.attributes["qpos"].split(),
+        )
+        # The last of qpos may be left out.
+        given = home.numbers("qpos", (min(len(said), len(values)),), ())
+        values[: len(given)] = given
         positions = dict(enumerate(np.split(values, np.cumsum(counts)[:-1])))
         # A quaternion without length is no turn, as MuJoCo takes it.
         for index, (_, piece) in enumerate(pieces):

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from linkwork.formats import xml
+from linkwork.formats.notes import Notes
 from linkwork.formats.reading import Reading
 from linkwork.formats.sdf.scopes import BETWEEN, PARTS, WORLD, Scope
 from linkwork.formats.xml import Element
@@ -20,6 +21,7 @@ class ScopeReader:
     """Read models as scopes; `count` of them were included."""
 
     reading: Reading
+    notes: Notes
     count: int = 0
 
     def top(self, root: Element) -> Scope:
@@ -34,9 +36,10 @@ class ScopeReader:
         """Read what a scope holds; `named`: whether its models' names stand before their links'."""
         if depth > DEEPEST:
             raise scope.element.refusal(f"is nested deeper than {DEEPEST} models")
-        for part in scope.element.each(*PARTS):
-            self._check_free(scope, part, part.text("name"))
-            scope.named[part.text("name")] = part
+        for tag in PARTS:
+            for part in scope.element.each(tag):
+                part = self._apart(scope, part)
+                scope.named[part.text("name")] = part
         for part in scope.element.each("model", "include"):
             included = part.tag == "include"
             element = self._included(part) if included else part
@@ -58,6 +61,17 @@ class ScopeReader:
                 self._check_free(scope, part, name)
                 scope.models[name] = model
             self._fill(model, depth + 1, True)
+
+    def _apart(self, scope: Scope, part: Element) -> Element:
+        """Return a part; a joint that has a link's name, as in old files, with another one, as
+        libsdformat does it."""
+        name = part.text("name")
+        if part.tag == "joint" and name in scope.named and scope.named[name].tag != "joint":
+            name = f"{name}_joint"
+            self.notes.on(part, "has the name of a link or a frame, and _joint behind it here")
+            part = part.with_attributes({**part.attributes, "name": name})
+        self._check_free(scope, part, name)
+        return part
 
     def _check_free(self, scope: Scope, part: Element, name: str) -> None:
         if name in scope.named or name in scope.models:

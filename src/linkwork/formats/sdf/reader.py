@@ -60,7 +60,7 @@ def read_sdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     if not any(root.each("world", "model", "include")):
         raise root.refusal("holds no <model> and no <world>")
     version = _version(root)
-    top = ScopeReader(reading).top(root)
+    top = ScopeReader(reading, notes).top(root)
     scopes = list(top.all())
     _survey(scopes, notes)
     # Links that move are bodies.

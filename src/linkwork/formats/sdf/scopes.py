@@ -22,7 +22,7 @@ from linkwork.mechanism import GROUND
 MODEL = "__model__"
 WORLD = "world"
 BETWEEN = "::"
-PARTS = ("link", "joint", "frame")
+PARTS = ("link", "frame", "joint")
 
 
 @dataclass
@@ -135,7 +135,7 @@ class Scope:
     def mount(self, name: str, asking: Element) -> tuple[str, np.ndarray]:
         """Return the body that a part of this scope moves with, and X_W_body; ground for what
         stands still."""
-        if name == WORLD:
+        if name == WORLD and WORLD not in self.named:
             return GROUND, np.eye(4)
         if name in ("", MODEL):
             return (GROUND, np.eye(4)) if self.world else self.mount(self.canonical(), asking)
