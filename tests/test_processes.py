@@ -23,7 +23,8 @@ def waits(tree: ast.AST) -> list[int]:
         for call, asked in calls
         if (asked.attr in WAITS and not (call.args or call.keywords))
         or (
-            ast.unparse(asked) in ("subprocess.run", "subprocess.check_output")
+            asked.attr in ("run", "check_output")
+            and ast.unparse(asked.value) == "subprocess"
             and not any(given.arg in (None, "timeout") for given in call.keywords)
         )
     ]

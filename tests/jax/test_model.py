@@ -83,8 +83,8 @@ def test_derivatives_to_second_order_are_those_of_differences(name):
 
 
 def test_inverse_dynamics_and_the_tool_are_differentiable_twice():
-    model = model_of("prr3")
-    state, u = states("prr3")
+    model = model_of("five_bar")
+    state, u = states("five_bar")
     given = state.q[1], state.rates[1], u[1]
     check_grads(jax.jit(model.inverse_dynamics), given, 2, rtol=1e-4, atol=1e-4)
     check_grads(jax.jit(model.tool_pose), given[:1], 2, rtol=1e-4, atol=1e-4)

@@ -178,6 +178,17 @@ def test_numbers_of_any_kind_are_doubles_and_h_is_not_rounded(model):
     assert model.forward_dynamics(q.float(), v, u).dtype is torch.float64
 
 
+@pytest.mark.filterwarnings("error")
+def test_arrays_that_may_only_be_read_are_taken_without_a_warning(model):
+    q = model.q.numpy().copy()
+    q.flags.writeable = False
+    torch.set_warn_always(True)  # PyTorch warns once a process
+    try:
+        assert torch.equal(model.closed(q), model.closed(model.q))
+    finally:
+        torch.set_warn_always(False)
+
+
 def test_results_by_name_have_their_shapes(model):
     q, v, _ = state_of(model)
     assert model.mass_matrix(q.expand(5, -1)).shape == (5, 3, 3)

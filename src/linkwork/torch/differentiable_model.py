@@ -60,7 +60,9 @@ class TorchModel(ArrayModel):
                 "tensor.cpu()"
             )
         try:
-            tensor = torch.as_tensor(value if isinstance(value, Tensor) else np.asarray(value))
+            tensor = torch.as_tensor(
+                value if isinstance(value, Tensor) else np.require(value, requirements="W")
+            )
             real = not (tensor.is_complex() or tensor.dtype is torch.bool)
             return tensor.to(torch.float64) if real else None
         except (TypeError, ValueError, RuntimeError):
