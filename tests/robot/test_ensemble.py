@@ -115,6 +115,33 @@ def test_a_traced_controller_with_gains_of_each_member(prr3):
     require_equal(members, runs)
 
 
+def test_a_member_is_run_by_itself_with_its_sensitivities():
+    robot = lw.Robot("five_bar").free("gravity.y")
+    home, rates = np.tile(robot.home.positions, (3, 1)), np.linspace(-0.3, 0.3, 6).reshape(3, 2)
+    states = robot.state(home, rates)
+    forces, g = 0.1 * np.arange(6.0).reshape(3, 2), np.array([-9.81, -1.6, 0.0])
+    ensemble = robot.ensemble(
+        states, forces, duration=0.3, save_at=[0.1, 0.3], parameters={"gravity.y": g}
+    )
+    run = ensemble.run(-2)
+    alone = robot.with_parameters({"gravity.y": -1.6}).simulate(
+        states.at(1), forces[1], duration=0.3, save_at=[0.1, 0.3]
+    )
+    assert np.array_equal(run.final.q, ensemble.final.at(1).q)
+    for name in ("joint_position", "actuator_force"):
+        assert np.array_equal(run.variables[name].values, alone.variables[name].values)
+    found, expected = (each.sensitivity("joint_rate").joint_rate for each in (run, alone))
+    assert found.shape[0] == 2 and np.array_equal(found, expected)
+    weights = np.ones(found.shape[:-1])
+    assert run.gradient({"joint_rate": weights}, to="gravity.y")["gravity.y"] == pytest.approx(
+        float(found.sel(number="gravity.y").sum()), rel=1e-10
+    )
+    every = robot.ensemble(states, forces, duration=0.3).run(0)
+    assert len(every.time) == every.statistics.steps + 1
+    with pytest.raises(LinkworkError, match="3"):
+        ensemble.run(3)
+
+
 def test_members_that_fail_are_named_and_the_others_go_on(prr3):
     forces = 0.3 * random(7, 3)
     forces[4, 1] = np.nan

@@ -24,7 +24,7 @@ from linkwork.model.state import Reached, State
 from linkwork.notebooks import Portrayed
 from linkwork.patience import hushed, ongoing
 from linkwork.readonly import ReadOnlyArrays
-from linkwork.runs import following
+from linkwork.runs import following, recording
 from linkwork.runs.accuracy import compared, repeatable, tightened
 from linkwork.runs.endings import ending, singular_times
 from linkwork.runs.measuring import measured
@@ -45,7 +45,7 @@ from linkwork.runs.saved_rows import SavedRows, last_states, saved
 from linkwork.runs.saved_states import Aim
 from linkwork.runs.settings import Settings
 from linkwork.runs.side_by_side import Leg, begun, courses, in_lanes, side_by_side, unbegun
-from linkwork.simulation import Status, Variable
+from linkwork.simulation import Run, Status, Variable
 from linkwork.simulation.variables import dataset_of
 
 if TYPE_CHECKING:
@@ -186,6 +186,19 @@ class Ensemble(ReadOnlyArrays, Portrayed):
     def message(self, member: int) -> str:
         """Return the sentence with which a member's run ended."""
         return self._sentences(self._numbered(member))
+
+    def run(self, member: int) -> Run:
+        """Return the run of one member, made once more by itself: what `Robot.simulate` gives, bit
+        for bit what it came to among the others, with all quantities at the times that were saved
+        (at every step where none were), `Run.sensitivity` and `Run.gradient`.
+
+        Raises:
+            LinkworkError: there is no member of that number.
+        """
+        number, times = self._numbered(member), self.settings.save_at
+        robot, system = self.members.alone(number)
+        settings = self.settings if len(times) else self.settings.but(save_at=None)
+        return recording.simulate(robot, self.members.state(number), system, settings)
 
     def events(self, member: int) -> tuple[tuple[str, float], ...]:
         """Return the events of a member's run, each its name and time [s], in the order of the
