@@ -5,8 +5,9 @@
 FOLDER holds clones, each named owner+name. Of each leg: J by differences of the motors' coordinates
 along each joint, the same power on both sides, inertia with the robot's own kinetic energy, bias
 and inertia with its own accelerations, limits and gains by their definitions; times from Python at
-one state [us] and in stacks [ns a state]. With --trees the leg's tree in MuJoCo, by the callback,
-beside the closed robot's accelerations.
+one state [us] and in stacks [ns a state], of two legs together and of the first alone. With --trees
+the leg's tree in MuJoCo, by the callback and by the plug-in in C, beside the closed robot's
+accelerations.
 """
 
 from __future__ import annotations
@@ -15,28 +16,39 @@ import argparse
 import tempfile
 import time
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 import linkwork as lw
 from linkwork import LinkworkError, analysis
+from linkwork.analysis.plugged_tree import PluggedTree
 
 EXAMPLES = "Gepetto+example-parallel-robots/robots"
 KANGAROO = "pal-robotics+pal_mjlab/src/pal_mjlab/robots/pal_kangaroo/xmls"
 STACK, NEAR = 4096, 0.03
+KINDS = ("callback", "plug-in in C")
 
 
 @dataclass(frozen=True)
 class PublicLeg:
-    """Name joints and motors of a leg in a file, and where its joints stand."""
+    """Name joints and motors of a leg in a file, and where its joints stand; of so many legs, one
+    after the other."""
 
     name: str
     file: str
     joints: tuple[str, ...]
     motors: tuple[str, ...] | None = None
     reference: dict[str, float] = field(default_factory=dict)
+    legs: int = 1
+
+    @property
+    def first(self) -> PublicLeg:
+        """The first of its legs alone, of the same robot."""
+        joints, motors = self.joints, self.motors or ()
+        count = len(joints) // self.legs
+        return replace(self, joints=joints[:count], motors=motors[:count] or None, legs=1)
 
 
 def of_both(ends: tuple[str, str], *names: str) -> tuple[str, ...]:
@@ -68,6 +80,7 @@ LEGS = (
         f"{EXAMPLES}/battobot_6d/robot.urdf",
         of_both(("_left", "_right"), "knee", "ankley", "anklex"),
         of_both(("_left", "_right"), "motor_knee", "motor_ankle1", "motor_ankle2"),
+        legs=2,
     ),
     PublicLeg(
         "digit-like",
@@ -80,12 +93,14 @@ LEGS = (
         f"{EXAMPLES}/digit_like_2legs/robot.urdf",
         of_both(("", "_left"), "motor_hip_y", "free_knee", "free_foot1", "free_foot2"),
         of_both(("", "_left"), "motor_hip_y", "motor_knee", "motor_shin1", "motor_shin2"),
+        legs=2,
     ),
     PublicLeg(
         "digit-like, six rows",
         f"{EXAMPLES}/digit_like_2legs_6D/robot.urdf",
         of_both(("", "_left"), "motor_hip_y", "free_knee", "free_foot1", "free_foot2"),
         of_both(("", "_left"), "motor_hip_y", "motor_knee", "motor_shin1", "motor_shin2"),
+        legs=2,
     ),
     PublicLeg(
         "cassie-like",
@@ -101,6 +116,7 @@ LEGS = (
         f"{EXAMPLES}/true_talos_2_legs/talos_full_v2.urdf",
         ("leg_left_5_joint", "leg_right_5_joint"),
         ("leg_left_shin_joint", "leg_right_shin_joint"),
+        legs=2,
     ),
     PublicLeg(
         "disney-like",
@@ -130,6 +146,7 @@ LEGS = (
         ("leg_left_length_joint", "leg_right_length_joint"),
         ("leg_left_femur_joint", "leg_right_femur_joint"),
         BENT,
+        legs=2,
     ),
     PublicLeg(
         "cassie's feet",
@@ -137,6 +154,7 @@ LEGS = (
         ("left-foot", "right-foot"),
         ("left-foot-crank", "right-foot-crank"),
         STANDING,
+        legs=2,
     ),
     PublicLeg(
         "cassie, both legs",
@@ -144,12 +162,14 @@ LEGS = (
         of_both(SIDES, "knee", "shin", "tarsus", "foot"),
         of_both(SIDES, "knee", "heel-spring", "tarsus", "foot"),
         STANDING,
+        legs=2,
     ),
     PublicLeg(
         "toddlerbot's knees",
         "hshi74+toddlerbot/toddlerbot/descriptions/toddlerbot/toddlerbot.xml",
         ("left_knee", "right_knee"),
         ("left_knee_act", "right_knee_act"),
+        legs=2,
     ),
     PublicLeg(
         "planar leg of generalized_rbda",
@@ -237,22 +257,29 @@ def apart(found: np.ndarray | float, wanted: np.ndarray | float) -> float:
 def of_tree(leg: analysis.ActuationModel) -> str:
     """Return how far the tree's accelerations in MuJoCo are from the closed robot's, or why there
     is no tree."""
-    import mujoco
-
-    from tests.analysis.plugged import Plugged
-
     try:
         tree = leg.tree()
     except LinkworkError as refused:
         return str(refused)
+    found = {kind: of_engine(leg, tree, kind == "plug-in in C") for kind in KINDS}
+    return ", ".join(f"{kind} {error:.0e}" for kind, error in found.items())
+
+
+def of_engine(leg: analysis.ActuationModel, tree: PluggedTree, plugin: bool) -> float:
+    """Return how far the tree's accelerations are from the closed robot's, over the largest, in
+    four states near home."""
+    import mujoco
+
+    from tests.analysis.plugged import Plugged
+
     with tempfile.TemporaryDirectory() as folder:
-        engine = Plugged(leg, tree, Path(folder))
+        engine = Plugged(leg, tree, Path(folder), plugin)
     engine.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
     random, worst = np.random.default_rng(3), 0.0
     for state in engine.states(4, spread=NEAR):
         u = random.normal(size=engine.model.nu)
         worst = max(worst, apart(engine.forward(state, u), engine.closed(state, u)))
-    return f"{worst:.0e}"
+    return worst
 
 
 def times(leg: analysis.ActuationModel) -> tuple[list[float], list[float]]:
@@ -265,6 +292,17 @@ def times(leg: analysis.ActuationModel) -> tuple[list[float], list[float]]:
     return (
         [1e6 * best(lambda call=call: call(leg, one, u[0]), 500) for call in CALLS.values()],
         [1e9 * best(lambda call=call: call(leg, states, u), 1) / STACK for call in CALLS.values()],
+    )
+
+
+def shown_times(leg: analysis.ActuationModel) -> str:
+    """Return the times of a leg in a line."""
+    single, stacked = times(leg)
+    return (
+        " ".join(f"{value:.2f}" for value in single)
+        + " us | "
+        + " ".join(f"{value:.0f}" for value in stacked)
+        + " ns"
     )
 
 
@@ -294,15 +332,10 @@ def main() -> None:
         model = read(leg, given.folder)
         found = errors(model)
         parts = " ".join(f"{name} {error:.0e}" for name, error in found.items())
-        single, stacked = times(model)
-        print(
-            f"{leg.name}: {len(leg.joints)} of {model.robot.mobility} freedoms | {parts} |",
-            " ".join(f"{value:.2f}" for value in single),
-            "us |",
-            " ".join(f"{value:.0f}" for value in stacked),
-            "ns",
-            flush=True,
-        )
+        print(f"{leg.name}: {len(leg.joints)} of {model.robot.mobility} freedoms | {parts}")
+        print("   ", shown_times(model), flush=True)
+        if leg.legs > 1:
+            print("    one leg:", shown_times(read(leg.first, given.folder)), flush=True)
         if given.trees:
             print("    tree:", of_tree(model), flush=True)
 
