@@ -1,9 +1,10 @@
 """Contact forces: surfaces that press by the law of `impact`, and rub.
 
-With the gap g of a place and its gradient G for a motion of the second body there (`surfaces`), and
-the relative velocity u of the bodies, of which u_t slides along the surface,
+With the gap g of a place and its gradient G for a motion of the second body there (`surfaces`), C
+for a turn about it, and the relative velocity u of the bodies, of which u_t slides along the
+surface, and omega,
 
-    on the second body  F(-g, -g') G + f,    g' = G . u
+    on the second body  F(-g, -g') G + f,    g' = G . u + C . omega
     f = -m(|u_t|) N u_t / sqrt(|u_t|^2 + r^2)
     m(s) = m_c + (m_s - m_c) exp(-(s / s_0)^2),    N = F |G|
 
@@ -11,7 +12,8 @@ or, of a bristle with the force s over the normal force,
 
     f = -N (s + damping z'),   s' = stiffness z' + omega_1 x s,   z' = u_t - |u_t| s / m(|u_t|)
 
-and the opposite on the first, at the same points: nothing but what dissipates takes energy.
+and F C as a moment; the opposite on the first, at the same points: nothing but what dissipates
+takes energy.
 Source: Armstrong-Helouvry, Dupont & Canudas de Wit, Automatica 30 (1994) 1083-1138 (m);
 Canudas de Wit, Olsson, Astrom & Lischinsky, IEEE Trans. Automatic Control 40 (1995) 419-425 (z).
 """
@@ -75,7 +77,9 @@ class ContactForces:
     @cached_property
     def rate(self) -> ca.SX:
         """The rate of the depth, -g'."""
-        return -dot(self.touch.meeting.gradient, self.apart(self.touch.meeting.centre))
+        meeting, ((omega_1, _), (omega_2, _)) = self.touch.meeting, self.motions
+        found = -dot(meeting.gradient, self.apart(meeting.centre))
+        return found if meeting.couple is None else found - dot(meeting.couple, omega_2 - omega_1)
 
     @cached_property
     def pressed(self) -> ca.SX:
@@ -135,6 +139,8 @@ class ContactForces:
         for sign, node in zip((-1, 1), self.touch.nodes, strict=True):
             if node.index >= 0:
                 moment = cross(meeting.centre - node.O, self.pressed)
+                if meeting.couple is not None:
+                    moment += self.touch.pressing.force(self.rate) * meeting.couple
                 if rubs(self.touch.friction):
                     moment += cross(meeting.point - node.O, self.rubbed)
                 yield node, sign * moment, sign * (self.pressed + self.rubbed)

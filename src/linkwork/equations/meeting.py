@@ -16,6 +16,7 @@ class Meeting:
 
     centre: where the force acts that presses, along the `gradient` of the gap for a motion of the
         second body there; point: where they rub, and the unit `normal` there, out of the first body
+    couple: the gradient for turns of the second body about the centre; None where it is nothing
     """
 
     gap: ca.SX
@@ -23,10 +24,12 @@ class Meeting:
     gradient: ca.SX
     point: ca.SX
     normal: ca.SX
+    couple: ca.SX | None = None
 
     def turned(self) -> Meeting:
         """Return the place with both bodies exchanged."""
-        return Meeting(self.gap, self.centre, -self.gradient, self.point, -self.normal)
+        couple = None if self.couple is None else -self.couple
+        return Meeting(self.gap, self.centre, -self.gradient, self.point, -self.normal, couple)
 
 
 def share(s: ca.SX) -> ca.SX:

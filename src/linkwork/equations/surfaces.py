@@ -4,7 +4,7 @@ flat and ball    of the centre c in the frame of the flat surface z = h(x, y), r
                  g = (c_z - h(c_x, c_y)) - R sqrt(1 + h_x^2 + h_y^2),  exact for a plane
 round and round  of the nearest points p_1, p_2 of two segments (a ball's is a point):
                  g = |p_2 - p_1| - R_1 - R_2
-box and others   of balls, capsules and corners: `boxes`
+box and others   of balls, capsules, corners and edges: `boxes`
 
 A field's h is the bicubic spline through its heights, with the basis
 B(s) = max(2 - |s|, 0)^3 / 6 - 2 max(1 - |s|, 0)^3 / 3  of width 4, and level beyond its edges.
@@ -19,12 +19,15 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations.algebra import SX, Number, Vector, dot, vector
-from linkwork.equations.boxes import on_box
+from linkwork.equations.boxes import on_box, through_box
 from linkwork.equations.frames import frame_matrix
 from linkwork.equations.meeting import PARALLEL, TINY, Meeting, share
 from linkwork.equations.tree import Node, Tree, offset
 from linkwork.mechanism.contact import Contact, HeightField, Plane, Points, Surface
 from linkwork.mechanism.shapes import Shape
+
+EDGES = [(i, i | bit) for bit in (1, 2, 4) for i in range(8) if not i & bit]
+"""Ends of a box's edges among its corners."""
 
 
 def meetings(tree: Tree, contact: Contact) -> Iterator[Meeting]:
@@ -39,6 +42,8 @@ def meetings(tree: Tree, contact: Contact) -> Iterator[Meeting]:
             yield on_flat(tree, nodes[1], second, centre, radius).turned()
     elif first.touching.halves or second.touching.halves:
         yield from boxed(tree, nodes, first, second)
+        if contact.edges:
+            yield from crossing(tree, nodes, first, second)
     else:
         yield between(*(balls(tree, *of) for of in zip(nodes, contact.surfaces, strict=True)))
 
@@ -58,6 +63,21 @@ def boxed(
             for ends in whole:
                 meeting = on_box(places[0], box, [end for end, _ in ends], ends[0][1])
                 yield meeting.turned() if exchanged else meeting
+
+
+def crossing(
+    tree: Tree, nodes: list[Node], first: Points | Shape, second: Points | Shape
+) -> Iterator[Meeting]:
+    """Yield the places where the edges of two boxes go through the faces of the other: the second's
+    before the first's."""
+    for box, other, places, exchanged in (
+        (first, second, nodes, False),
+        (second, first, nodes[::-1], True),
+    ):
+        corners = [point for point, _ in balls(tree, places[1], other)]
+        for i, j in EDGES:
+            meeting = through_box(places[0], box, [corners[i], corners[j]])
+            yield meeting.turned() if exchanged else meeting
 
 
 def balls(tree: Tree, node: Node, surface: Surface) -> list[tuple[ca.SX, Number]]:

@@ -2,7 +2,7 @@
 
 A flat surface (a plane, a field of heights) meets the points of another one, each with the radius
 of a ball about it: a sphere, the ends of a capsule, the corners of a box. Spheres and capsules meet
-each other as well, and boxes meet spheres, capsules, points and the corners of boxes.
+each other as well, and boxes meet spheres, capsules, points and the corners and edges of boxes.
 """
 
 from __future__ import annotations
@@ -115,6 +115,9 @@ class Contact(Impact):
         description="a surface of the first and one of the second body"
     )
     friction: Sliding = Field(default=Sliding(), description="rubs against sliding")
+    edges: bool = Field(
+        default=False, description="of two boxes: whether their edges press as well"
+    )
 
     @property
     def touches(self) -> int:
@@ -125,7 +128,8 @@ class Contact(Impact):
         if any(of.round for of in solids):
             return 1
         pairs = zip(solids, solids[::-1], strict=True)
-        return sum(len(of.points) for of, other in pairs if other.halves)
+        corners = sum(len(of.points) for of, other in pairs if other.halves)
+        return corners + 24 * self.edges
 
     @model_validator(mode="after")
     def _meets(self) -> Self:
@@ -151,6 +155,10 @@ class Contact(Impact):
                 "other, and boxes them, points and boxes; give one of them a plane or a field of "
                 "heights, or make it of spheres or boxes",
                 ("surfaces",),
+            )
+        if self.edges and not all(map(_is_box, self.surfaces)):
+            raise MechanismError(
+                f"{kinds} have no edges that cross; edges are of two boxes", ("edges",)
             )
         return self
 
