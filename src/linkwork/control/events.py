@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from linkwork import math
+from linkwork.control.observation import Quantity
 from linkwork.control.records import ActingPart
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
@@ -101,6 +102,25 @@ def meeting_events(robot) -> tuple[Event, ...]:
             Event(Gap(name), direction=1, name=f"{name} ends", cuts=True),
         )
     )
+
+
+def load_events(robot) -> tuple[Event, ...]:
+    """Return an event for each joint that rubs by a force along one line, where that turns round:
+    there the friction has a kink, and steps end."""
+    return tuple(
+        Event(LineLoad(name), name=f"{name}: load turns round", cuts=True)
+        for name in robot.names.loaded
+    )
+
+
+@dataclass(frozen=True)
+class LineLoad(ActingPart):
+    """Tell the force along a line by which a joint rubs: of a gear's teeth, or thrust."""
+
+    name: str
+
+    def __call__(self, t, state):
+        return state.source.quantity(Quantity("load", self.name))[0]
 
 
 @dataclass(frozen=True)

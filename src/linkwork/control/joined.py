@@ -76,6 +76,8 @@ class Joined:
         values = [
             known[quantity.name]
             if quantity.kind == "position" and quantity.name in known
+            else self.unknown[quantity.name]
+            if quantity.kind == "load"
             else expression(self.equations, quantity)
             for quantity in self.acting.quantities
         ]
@@ -202,7 +204,8 @@ class Joined:
 
     def events(self) -> ca.Function:
         """Return (q, v, z, r, p) -> the numbers whose zeros are the events."""
-        return self._function("events", {"g": self.outputs["events"]})
+        loads, least = self.loads
+        return self._function("events", {"g": self.passing(loads * (ca.fabs(loads) > least))})
 
     def held(self) -> ca.Function:
         """Return (q, v, z, r, p) -> the next held inputs of a sampled controller."""
@@ -216,6 +219,27 @@ class Joined:
         """Return (q, v, z, r, p) -> command, force and wrenches (moment, force) in the ground's
         axes."""
         return self._function("acted", self._acted)
+
+    @cached_property
+    def unknown(self) -> dict[str, ca.SX]:
+        """Symbols for the loads that events read, which follow from all that acts."""
+        read = (quantity for quantity in self.acting.quantities if quantity.kind == "load")
+        return {quantity.name: ca.SX.sym("load") for quantity in read}
+
+    @cached_property
+    def loads(self) -> tuple[ca.SX, ca.SX]:
+        """The loads themselves, in the order of `unknown`, and below which size they are
+        rounding."""
+        if not self.unknown:
+            return ca.SX(0, 1), ca.SX(0)
+        force = self.outputs["force"]
+        found, least = bearings.line_loads(self.equations, self.applied, force, self.outside)
+        return ca.vertcat(*(found[name] for name in self.unknown)), least
+
+    def passing(self, loads: ca.SX | None = None) -> ca.SX:
+        """Return the numbers whose zeros are the events; loads: in place of those that act."""
+        g, unknown = self.outputs["events"], ca.vertcat(ca.SX(0, 1), *self.unknown.values())
+        return ca.substitute(g, unknown, self.loads[0] if loads is None else loads)
 
     @property
     def _acted(self) -> dict[str, ca.SX]:

@@ -18,13 +18,14 @@ import numpy as np
 
 from linkwork import math
 from linkwork.checks import known
-from linkwork.equations import Equations, body_motion
+from linkwork.equations import Equations, bearings, body_motion
 from linkwork.equations.algebra import SX, matrix_quaternion
 from linkwork.equations.effects import rotation_vector
 from linkwork.equations.task import task_map
 from linkwork.equations.tree import near_offset, offset
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism, Tool
+from linkwork.mechanism.bearing import loaded
 from linkwork.mechanism.limits import meetings
 from linkwork.mechanism.sticking import Strain, strains
 from linkwork.mechanism.task import labels
@@ -37,7 +38,8 @@ class Quantity(NamedTuple):
 
     kinds: "position", "rate" of a joint (1); "tool_pose", "tool_velocity" (3 or 6); "body": p, R
     row by row, omega, v (18); "gap" of what may meet, "actuation_determinant": det S (1); "task",
-    "task_rates" (k), "task_jacobian" column by column (k na) of the task that the tool states
+    "task_rates" (k), "task_jacobian" column by column (k na) of the task that the tool states;
+    "load" along a line by which a joint rubs, which follows from all that acts: for events (1)
     """
 
     kind: str
@@ -50,7 +52,8 @@ class Names:
     states and transmissions.
 
     pose: number of components of the tool's pose, 0 without a tool; meetings: what may meet;
-        strains: of bristles; task: coordinates of the task that the tool states
+        strains: of bristles; task: coordinates of the task that the tool states; loaded: joints
+        that rub by a force along one line
     """
 
     coordinates: tuple[str, ...]
@@ -63,6 +66,7 @@ class Names:
     transmissions: tuple[str, ...] = ()
     strains: tuple[Strain, ...] = ()
     task: tuple[str, ...] = ()
+    loaded: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, mechanism: Mechanism, planar: bool, extras: tuple[str, ...] = ()) -> Names:
@@ -79,6 +83,7 @@ class Names:
             tuple(mechanism.transmissions),
             tuple(strains(mechanism)),
             labels((mechanism.first_tool.task if mechanism.tools else None) or ()),
+            loaded(mechanism.joints),
         )
 
     @property
@@ -90,6 +95,7 @@ class Names:
         """Return how many numbers a quantity has."""
         led = len(self.task)
         sizes = {"position": 1, "rate": 1, "gap": 1, "actuation_determinant": 1, "body": 18}
+        sizes["load"] = 1
         sizes |= {"task": led, "task_rates": led, "task_jacobian": led * len(self.actuators)}
         return sizes.get(quantity.kind, self.pose)
 
@@ -275,6 +281,9 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
             return ca.mtimes(equations.joints.rate_row(name), equations.rates)
         case "gap":
             return equations.gaps[name]
+        case "load":  # but for what acts
+            none = SX.zeros(equations.mobility), SX.zeros(len(mechanism.actuators))
+            return bearings.line_loads(equations, *none)[0][name]
         case "body":
             node = tree.node(name)
             twist = ca.mtimes(

@@ -36,6 +36,7 @@ from linkwork.mechanism import MechanismError
 NEWTON = 8
 """Steps after which phi is found to rounding wherever it is the only one, but for the last few
 thousandths before that bound."""
+ROUNDING = 1e-13  # part of all forces below which a load along a line is none
 OPEN = 1e-6  # part of what a bearing carries that rigid bodies may leave open
 
 
@@ -61,6 +62,25 @@ def friction_in_motion(
     """Return phi (K) of the bearings in a motion that is free; None where there are none."""
     loads = at_symbols(equations, u, outside)
     return loads and solved(loads, equations.accelerations(applied), answers(equations))
+
+
+def line_loads(
+    equations: Equations, applied: ca.SX, u: ca.SX, outside: tuple[Wrench, ...] = ()
+) -> tuple[dict[str, ca.SX], ca.SX]:
+    """Return what acts along one line in bearings, thrust or what teeth transmit, by joint, in a
+    motion that is free; and below which size it is rounding."""
+    phi = friction_in_motion(equations, applied, u, outside)
+    assert phi is not None
+    dv = equations.accelerations(applied) + ca.mtimes(answers(equations), phi)
+    loads = BearingLoads(equations, dv, phi, u, outside)
+    forces = ca.vertcat(equations.tree_forces(loads.accelerations, equations.gravity), u)
+    found = {
+        own.joint: load
+        for own, carried in zip(loads.rubbing, loads.vectors, strict=True)
+        for _, load in carried
+        if load.numel() == 1
+    }
+    return found, ROUNDING * ca.norm_1(forces)
 
 
 def friction(

@@ -177,7 +177,7 @@ class Retraced:
         self, chart: CompiledChart, state: Sampling, event: int, slope: np.ndarray
     ) -> Partials:
         """Return the Jacobian of the time of an event; slope: y' before it."""
-        found = self.partials(chart, "events", lambda of: of.outputs["events"], state, True)
+        found = self.partials(chart, "events", lambda of: of.passing(), state, True)
         own = slice(event, event + 1)
         y, r, p = found.y[:, own], found.r[:, own], found.p[:, own]
         parts = np.concatenate([y[0, 0] * slope, r[0, 0, : found.columns] * found.inputs.rates[0]])

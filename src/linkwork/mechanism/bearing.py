@@ -70,6 +70,17 @@ def bearings(joints: Mapping[str, object]) -> dict[str, Bearing]:
     return {name: own for name, own in found.items() if own is not None}
 
 
+def loaded(joints: Mapping[str, object]) -> tuple[str, ...]:
+    """Return the joints that rub by the size of a force along one line, which has a kink where it
+    turns round: by the teeth of a gear, or by thrust."""
+    return tuple(
+        name
+        for name, own in bearings(joints).items()
+        if (own.friction.coefficient or own.friction.static)
+        and (isinstance(own, GearTeeth) or (isinstance(own, JournalBearing) and own.thrust_radius))
+    )
+
+
 def bearing_name(joint: str) -> str:
     """Return what a joint's bearing is called among bristles and powers."""
     return f"{joint}: bearing"

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from linkwork.checks import by_name, several, shown
-from linkwork.control.events import Event, limit_events, meeting_events, singular_events
+from linkwork.control.events import (
+    Event,
+    limit_events,
+    load_events,
+    meeting_events,
+    singular_events,
+)
 from linkwork.errors import LinkworkError
 from linkwork.model.chart_transfer import chart_in
 from linkwork.model.parameters import with_parameters
@@ -178,9 +184,9 @@ def smooth(runs: System, inputs: Sequence[Signal]) -> bool:
 def watched(
     robot: Model, events: Sequence[Event | Callable[..., Any] | str] | str
 ) -> tuple[Event, ...]:
-    """Return events as such, those of the robot's own meetings behind them: names stand for ready
-    ones, and plain functions are watched without ending the run."""
-    own = meeting_events(robot) if robot.names.meetings else ()
+    """Return events as such, those of the robot's own meetings and loads behind them: names stand
+    for ready ones, and plain functions are watched without ending the run."""
+    own = (*meeting_events(robot), *load_events(robot))
     if isinstance(events, tuple) and not events:
         return own
     given: Sequence[Any] = (
