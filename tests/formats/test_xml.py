@@ -227,3 +227,13 @@ def test_an_attribute_of_blanks_gives_nothing(tmp_path):
     )
     with pytest.raises(MechanismError, match="pos holds 0 numbers; give 3"):
         geom.vector("pos")
+
+
+def test_a_colour_of_blanks_is_the_materials_or_none(tmp_path):
+    path = tmp_path / "blank.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="b"><joint/><geom type="box" rgba="" size=".1 .2 .3"/>'
+        "</body></worldbody></mujoco>"
+    )
+    (shape,) = load(path).mechanism.bodies["b"].shapes
+    assert shape.size == (0.2, 0.4, 0.6)

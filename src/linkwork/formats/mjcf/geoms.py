@@ -230,7 +230,7 @@ def materials_of(document: Document) -> dict[str, Element]:
 def rgba(element: Element, materials: Mapping[str, Element]) -> tuple[float, ...] | None:
     """Return red, green, blue and opacity of a geom, or of its material where that has no texture;
     None if not given."""
-    if "rgba" in element.attributes:
+    if element.attributes.get("rgba", "").strip():
         return element.numbers("rgba", (4,))
     material = materials.get(element.attributes.get("material", ""))
     if material is None or "texture" in material.attributes or material.first("layer"):
