@@ -12,6 +12,7 @@ from contextlib import ExitStack, contextmanager
 
 import numpy as np
 import pytest
+from distributed import Client
 
 from linkwork.sweeps import Study, StudyError, runner, sweep
 
@@ -62,7 +63,16 @@ def cluster(folder, workers=2):
             )
             for _ in range(workers)
         ]
+        if crew:  # a busy machine takes longer to start them than a sweep waits
+            with Client(address, timeout=PATIENCE) as known:
+                known.wait_for_workers(workers, timeout=PATIENCE)
         yield address, scheduler, crew
+
+
+@pytest.fixture
+def patient(monkeypatch):
+    """Wait as long for an answer as a busy machine may take to give it."""
+    monkeypatch.setattr(runner, "PATIENCE", PATIENCE)
 
 
 @pytest.fixture(scope="module")
@@ -137,13 +147,16 @@ def service(answer: bytes | None):
 
 
 @pytest.mark.parametrize(
-    ("answer", "why"),
-    [(None, "no answer in 0.5 s"), (b"HTTP/1.1 400 Bad Request\r\n\r\n", "something else answers")],
+    ("answer", "patience", "why"),
+    [
+        (None, 0.5, "no answer in 0.5 s"),
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n", PATIENCE, "something else answers"),
+    ],
 )
-def test_another_service_at_the_address(wanted, tmp_path, monkeypatch, answer, why):
+def test_another_service_at_the_address(wanted, tmp_path, monkeypatch, answer, patience, why):
     """Dask's own handshake waits for ever for an answer, and takes the first bytes of one for its
     length."""
-    monkeypatch.setattr(runner, "PATIENCE", 0.5)
+    monkeypatch.setattr(runner, "PATIENCE", patience)
     with (
         service(answer) as address,
         pytest.raises(StudyError, match=rf"no Dask scheduler at {address} \({why}\); start"),
@@ -151,7 +164,7 @@ def test_another_service_at_the_address(wanted, tmp_path, monkeypatch, answer, w
         sweep(Study.load(wanted[0]), tmp_path, scheduler=address)
 
 
-def test_a_worker_is_no_scheduler(wanted, tmp_path):
+def test_a_worker_is_no_scheduler(wanted, tmp_path, patient):
     port = free_port()
     with cluster(tmp_path, workers=0) as (address, _, _):
         words = (
@@ -170,8 +183,11 @@ def test_a_worker_is_no_scheduler(wanted, tmp_path):
                 sweep(Study.load(wanted[0]), tmp_path / "out", scheduler=f"tcp://127.0.0.1:{port}")
 
 
-def test_a_scheduler_without_workers(wanted, tmp_path, monkeypatch):
-    monkeypatch.setattr(runner, "PATIENCE", 1.0)
+def test_a_scheduler_without_workers(wanted, tmp_path, monkeypatch, patient):
+    wait = Client.wait_for_workers
+    monkeypatch.setattr(
+        Client, "wait_for_workers", lambda client, count, timeout: wait(client, count, timeout=0.5)
+    )
     with (
         cluster(tmp_path, workers=0) as (address, _, _),
         pytest.raises(StudyError, match="has no workers; start some"),
