@@ -10,7 +10,7 @@ from fmpy.validation import validate_fmu
 
 import linkwork as lw
 
-from tests.catalogue import built
+from tests.catalogue import WHOLE, built
 from tests.export import fmus
 from tests.export.fmus import Instance
 from tests.robot.test_reactions import MIXED
@@ -176,14 +176,20 @@ def test_reactions_are_those_of_the_robot(name, folder):
     np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
 
 
-def test_reactions_where_short_levers_hold(folder):
-    """A platform on rods whose equations have pivots of 1e-5."""
-    robot = lw.Robot(MIXED["platform on rods"]())
+def tiny() -> lw.Mechanism:
+    """A slider-crank with links of hundredths of a millimetre."""
+    return lw.robots.slider_crank(crank=1e-5, rod=3e-5)
+
+
+@pytest.mark.parametrize("described", [tiny, *[MIXED["platform on rods"]] * WHOLE])
+def test_reactions_where_short_levers_hold(described, folder):
+    """Equations that have pivots of 1e-5."""
+    robot = lw.Robot(described())
     one = Instance(fmus.built(export(robot, outputs=["reactions"]), folder))
-    v = [0.3, -0.2]
+    v, u = [0.3, -0.2][: robot.mobility], np.zeros(len(robot.actuators))
     one.go(**{f"start_rate__{a}": x for a, x in zip(robot.independent, v, strict=True)})
     found = one.get(*(name for name in one.names if name.startswith("reaction.")))
-    expected = robot.reactions(robot.home.with_rates(v), np.zeros(2)).wrenches.ravel()
+    expected = robot.reactions(robot.home.with_rates(v), u).wrenches.ravel()
     np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
 
 
