@@ -17,9 +17,11 @@ import linkwork as lw
 import linkwork.torch
 from linkwork import LinkworkError
 from linkwork.gradients.compilation import compiled
+from linkwork.mechanism.transmissions import Cable, ViaPoint
 from linkwork.torch.differentiable_model import TorchModel
 
 from tests.catalogue import WHOLE, built, open_chain, with_a_hand
+from tests.robot.test_gear_teeth import hoist
 
 NAMES = ["five_bar", "rrs3", *["prr3"] * WHOLE]
 
@@ -100,6 +102,36 @@ def test_a_stop_that_is_not_touched_has_no_derivatives_of_any_order():
         assert float(second(torch.tensor([z], dtype=torch.float64))) == pytest.approx(k, rel=1e-12)
     with pytest.raises(LinkworkError, match="not finite"):
         accelerate(torch.tensor([float("nan")]))
+
+
+def driven_arm() -> lw.Robot:
+    """Return two links with a rotor, drawn by a cable behind a lagging drive."""
+    link = lw.Body(mass=1.0, centre_of_mass=(0.2, 0, 0), inertia=lw.Inertia(zz=0.02))
+    shoulder = lw.RevoluteJoint(connects=("ground", "a"), rotor_inertia=0.3)
+    at = lw.Frame(position=(0.4, 0, 0)), lw.Frame()
+    path = ViaPoint(body="ground", point=(0.1, 0.3, 0)), ViaPoint(body="b", point=(0.3, 0.1, 0))
+    return lw.Robot(
+        lw.Mechanism(
+            bodies={"a": link, "b": link},
+            joints={"p": shoulder, "q": lw.RevoluteJoint(connects=("a", "b"), frames=at)},
+            transmissions={"cable": Cable(path=path)},
+            actuators=("cable", "p"),
+            drives={"cable": {"type": "lag", "time_constant": 0.1}},
+        )
+    )
+
+
+@pytest.mark.parametrize("make", [driven_arm, lambda: hoist(rate=0.1)])
+def test_cables_rotors_and_teeth_are_differentiated(make):
+    robot = make()
+    model = linkwork.torch.model(robot)
+    assert [note for note in model.notes if "drives of cable" in note] == [*model.notes]
+    assert len(model.notes) == len(robot.mechanism.drives)
+    q, v, u = (x + 0.3 for x in state_of(model))
+    q = model.closed(q)
+    expected = robot.forward_dynamics(robot.make_state(q.numpy(), v.numpy()), u.numpy())
+    np.testing.assert_allclose(model.forward_dynamics(q, v, u), expected, rtol=1e-12)
+    assert gradcheck(model.forward_dynamics, wanting(q, v, u), atol=1e-5, fast_mode=True)
 
 
 def test_gradients_by_free_numbers_and_through_a_rollout():
