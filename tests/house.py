@@ -63,7 +63,8 @@ WINGS = {
         *("ensemble", "measuring", "members", "one_by_one", "saved_rows", "side_by_side"),
     ),
     "events, stiffness": (
-        *("bends", "events", "native_events", "native_occurrences", "native_watch"),
+        *("bends", "events", "native_events", "native_occurrences", "native_search"),
+        "native_watch",
         *("native_rosenbrock", "rosenbrock"),
     ),
     "further methods": ("eighth_order", "fixed_steps", "sharp_smart"),

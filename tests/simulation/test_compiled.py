@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numba import cfunc, types
 from numba.core.registry import cpu_target
-from simulation_problems import KERNEL, van_der_pol, van_der_pol_jacobian
+from simulation_problems import KERNEL, pendulum, van_der_pol, van_der_pol_jacobian
 
 from linkwork import simulation
 from linkwork.simulation import (
@@ -20,11 +20,12 @@ from linkwork.simulation import (
     Condition,
     Events,
     Sampled,
+    compiled,
     integrate,
     native,
     native_rosenbrock,
 )
-from linkwork.simulation.compiled import compiled_once
+from linkwork.simulation.compiled import compiled_once, fingerprint
 
 from tests.processes import finished
 
@@ -116,6 +117,29 @@ def test_importing_the_package_loads_nothing_heavy():
         "in sys.modules])"
     )
     assert finished("-c", script).stdout == "[]\n"
+
+
+def test_modules_may_be_imported_in_any_order(monkeypatch):
+    from linkwork.simulation.lanes import integrate as loop
+
+    found = []
+    for sign in (1, -1):
+        modules = sorted({each.__module__ for each in compiled.TAUGHT})[::sign]
+        taught = [each for name in modules for each in compiled.TAUGHT if each.__module__ == name]
+        monkeypatch.setattr(compiled, "TAUGHT", taught)
+        found.append(([each.__module__ for each in taught], fingerprint(loop.py_func)))
+    assert found[0][0] != found[1][0] and found[0][1] == found[1][1]
+
+
+def test_runs_without_events_do_not_load_the_search_for_them(monkeypatch):
+    def fail():
+        raise AssertionError("there are none")
+
+    monkeypatch.setattr("linkwork.simulation.integration.search_for_events", fail)
+    given = pendulum.address, None, [1.0], [0.0], []
+    assert integrate(*given, duration=0.1).success
+    with pytest.raises(AssertionError, match="there are none"):
+        integrate(*given, duration=0.1, events=Events(pendulum.address, (Condition(),)))
 
 
 HELPER = """

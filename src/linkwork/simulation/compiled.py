@@ -13,6 +13,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -38,10 +39,11 @@ ARITHMETIC = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 
 class _Part(JITCodeLibrary):
-    """Hold a function that compiled code takes in; no machine code is made of it by itself.
+    """Hold a function that compiled code takes in; it is neither optimized nor made machine code of
+    by itself, but with the `_Whole`, once.
 
     It is inlined where it asks for that (`INLINED`), and called otherwise: then its code is left
-    out of those that call it, to be optimized with the `_Whole` once.
+    out of those that call it.
     """
 
     def __init__(self, codegen, name: str, called: bool):
@@ -49,6 +51,9 @@ class _Part(JITCodeLibrary):
         self.called, self.calls = called, []
 
     def finalize(self):
+        if self.called:  # what is taken in keeps its own ways
+            for function in self.get_defined_functions():
+                function.add_function_attribute("noinline")
         taken = dict.fromkeys(self._linking_libraries)
         inlined = [part for part in taken if not (isinstance(part, _Part) and part.called)]
         further = [each for part in inlined if isinstance(part, _Part) for each in part.calls]
@@ -56,10 +61,10 @@ class _Part(JITCodeLibrary):
         self._linking_libraries = inlined
         super().finalize()
 
+    def _optimize_final_module(self):
+        pass
+
     def _finalize_final_module(self):
-        if self.called:
-            for function in self.get_defined_functions():
-                function.add_function_attribute("noinline")
         self._finalized = True
 
 
@@ -143,6 +148,12 @@ def compiled_once(what: str, signature) -> Callable[[Callable], Dispatcher]:
     return decorate
 
 
+def address_of(compiled: Dispatcher) -> int:
+    """Return the address of a function compiled once, as C calls it."""
+    (found,) = compiled.overloads.values()
+    return found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
+
+
 def _cached(function: Callable, signature) -> Dispatcher | None:
     """Compile or load; return None where the cache folder cannot be used and nothing has been
     compiled yet."""
@@ -196,17 +207,19 @@ def taught(python: Callable, result: types.Type, *arguments: types.Type) -> Call
 
 
 def fingerprint(function: Callable) -> str:
-    """Return a digest of a function's code, and of that of all functions and constants that it
-    names, and they name.
+    """Return a digest of a function's code, of that of all functions and constants that it names,
+    and they name, and of how they are compiled, here.
 
     Operators are not named: those count that are taught in the modules of these functions.
     """
     parts: dict[Callable, list[object]] = {}
     _gather(function, parts)
-    modules = {part.__module__ for part in parts}
-    for generate in [generate for generate in TAUGHT if generate.__module__ in modules]:
+    # Module by module, for those may be imported in any order.
+    modules = sorted({part.__module__ for part in parts})
+    for generate in [each for name in modules for each in TAUGHT if each.__module__ == name]:
         _gather(generate, parts)
-    return hashlib.sha256(repr(list(parts.values())).encode()).hexdigest()
+    made_of = repr(list(parts.values())).encode()
+    return hashlib.sha256(made_of + Path(__file__).read_bytes()).hexdigest()
 
 
 def _gather(function: Callable, parts: dict[Callable, list[object]]) -> None:

@@ -233,11 +233,12 @@ def entry(problem: Problem, y: np.ndarray, span: TimeSpan) -> tuple[Any, ...]:
     events, watch = problem.events, problem.watch
     conditions = events.table if events else NO_CONDITIONS
     observed = events.address if len(conditions) and events else 0
+    search = search_for_events() if observed else 0
     seen, strict = (watch.signal, watch.strict) if watch else (signal, 0)
     state = np.concatenate((y, held)) if control else y
     # Plain tuples of numbers, in the order of `Kernels` and `RunCourse`.
     return (
-        (problem.motion, problem.closure, problem.jacobian, observed, acts),
+        (problem.motion, problem.closure, problem.jacobian, observed, acts, search),
         problem.parameters, method.plan.table, problem.tolerances, conditions,
         signal.table, seen.table,
         (
@@ -261,6 +262,14 @@ def _compiled(stiff: bool) -> tuple[Any, Any]:
     else:
         from linkwork.simulation import native
     return native, native_loop
+
+
+def search_for_events() -> int:
+    """Return the address of the compiled search for events within a step, which the loops call;
+    it is loaded, or compiled, when first asked for."""
+    from linkwork.simulation import native_search
+
+    return native_search.ADDRESS
 
 
 def stability(method: Method, asked: bool) -> float:

@@ -2,7 +2,7 @@
 
 The event functions of all lanes are looked at together, at the ends of the steps and in the middle:
 as in `native_events.quiet`, lane by lane. A lane in which something may happen is copied, number by
-number, to where a single run computes, and what finds the events of that, `take_events`, finds
+number, to where a single run computes, and what finds the events of that, `native_search`, finds
 those of the lane. What is found waits behind the rows that are kept until the step is accepted,
 which a sample may still refuse.
 
@@ -48,7 +48,6 @@ from linkwork.simulation.lane_tables import (
 from linkwork.simulation.native_between import resized
 from linkwork.simulation.native_events import LOOKS, MOST
 from linkwork.simulation.native_memory import furnish, integration_at, memory_for
-from linkwork.simulation.native_occurrences import take_events
 from linkwork.simulation.native_parts import (
     OK,
     Inputs,
@@ -61,6 +60,7 @@ from linkwork.simulation.native_parts import (
 )
 from linkwork.simulation.pointers import call, pointer
 from linkwork.simulation.status import Status
+from linkwork.simulation.structures import memory_of
 from linkwork.simulation.vectors import (
     LANES,
     absolute,
@@ -239,7 +239,7 @@ def take_occasions(occasions, alone, method, signals, closure_tol, found, tables
                 alone.rows = pointer(found)
             first = alone.row
             set_step(alone, lane, signals, closure_tol, tables, places)
-            take_events(alone)
+            call(alone.kernels.search, memory_of(alone), alone.room.sample)
             keep_step(alone, lane, first, tables, places)
     return found
 

@@ -233,14 +233,14 @@ _numbers, _rows, _tables = (types.Array(types.float64, dimensions, "C") for dime
 _wholes, _counts = (types.Array(types.intp, dimensions, "C") for dimensions in (1, 2))
 _whole, _number = types.intp, types.float64
 _SIGNATURE = (
-    _tuple(Kernels, _whole, _whole, _whole, _whole, _whole),
+    types.BaseTuple.from_types([_whole] * len(Kernels._fields), Kernels),
     _array,
     _tuple(Demands, _number, _number, _number),
     _tuple(Sizes, _rows, _rows),
     _table,
     _tuple(Signals, _numbers, _tables, _wholes, _numbers, _wholes, types.boolean),
     _tuple(LaneSignals, _numbers, _tables, _wholes, _rows, _wholes),
-    _tuple(Occasions, types.UniTuple(_whole, 5), _whole, _rows),
+    _tuple(Occasions, types.UniTuple(_whole, len(Kernels._fields)), _whole, _rows),
     _tuple(Roster, _rows, _rows, _rows, _counts),
     _array,
     _tuple(Results, _tables, _rows, _counts),

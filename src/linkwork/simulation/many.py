@@ -20,7 +20,7 @@ from linkwork.errors import LinkworkError
 from linkwork.simulation import lane_tables as rows
 from linkwork.simulation.admission import require_cover, require_run, times_within, tolerances
 from linkwork.simulation.events import Events
-from linkwork.simulation.integration import stability
+from linkwork.simulation.integration import search_for_events, stability
 from linkwork.simulation.signals import Sampled, Signal, as_signal
 from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE, Tableau
@@ -116,11 +116,11 @@ class Occasion:
     @property
     def asked(self) -> tuple[tuple[int, ...], int, np.ndarray]:
         """What the compiled loop takes."""
-        alone = self.motion, self.closure, 0, self.events.address, 0
+        alone = self.motion, self.closure, 0, self.events.address, 0, search_for_events()
         return alone, self.wide, self.events.table
 
 
-NO_OCCASION: tuple[tuple[int, ...], int, np.ndarray] = (0, 0, 0, 0, 0), 0, np.empty((0, 2))
+NO_OCCASION: tuple[tuple[int, ...], int, np.ndarray] = (0,) * 6, 0, np.empty((0, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,7 +287,7 @@ def integrate_many(
     from linkwork.simulation import lanes
 
     asked = (
-        lanes.Kernels(motion, closure or 0, 0, 0, 0),
+        lanes.Kernels(motion, closure or 0, 0, 0, 0, 0),
         method.plan.table,
         lanes.Demands(float(closure_tol), stability(method, leave_stiff), float(max_step)),
         lanes.Sizes(tolerance, turning.table[:2].copy()),

@@ -27,7 +27,7 @@ from linkwork.simulation.compiled import INLINED, OPTIONS
 from linkwork.simulation.native_between import ROUNDING, Schedule, act, due, resized, set_target
 from linkwork.simulation.native_events import LOOKS, MOST
 from linkwork.simulation.native_memory import RunCourse, furnish, integration_at, memory_for
-from linkwork.simulation.native_occurrences import take_events, take_samples
+from linkwork.simulation.native_occurrences import take_samples
 from linkwork.simulation.native_pace import (
     LARGEST_FACTOR,
     SAFETY,
@@ -62,7 +62,7 @@ from linkwork.simulation.native_parts import (
 from linkwork.simulation.native_watch import free_until, look_into, next_bend, watch_of
 from linkwork.simulation.pointers import call, pointer
 from linkwork.simulation.status import Status
-from linkwork.simulation.structures import numba_type
+from linkwork.simulation.structures import memory_of, numba_type
 
 STEP_UNDERFLOW = int(Status.STEP_UNDERFLOW)
 TOO_MANY_STEPS = int(Status.TOO_MANY_STEPS)
@@ -322,7 +322,7 @@ def examine(run):
         if free_until(run.watch, run.bend) < run.arrival or fallen(rhythm.step, rhythm.longest):
             look_into(run)
     if passes(run) and run.kernels.events != 0:
-        take_events(run)
+        call(run.kernels.search, memory_of(run), run.room.sample)
     # The samples up to the end of the step, which an event may have brought forward.
     if passes(run):
         while (

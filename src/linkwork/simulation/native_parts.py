@@ -8,6 +8,7 @@ void(const double *in, double *out):
     jacobian  in = (y, u, p)  out = (df/dy by columns, n n;  df/du by columns, n nu)
     events    in = (y, u, p)  out = g, one number for each event
     control   in = (y, u, p)  out = the held inputs, the last columns of u
+    search    in = `run`, of which it takes the events within a step: that of `native_search`
 
 `run` is the structure `native_memory.Integration`: groups of pointers and numbers, and how far the
 run has come. States and the rows of `k` are padded with zeros to whole vectors.
@@ -44,6 +45,7 @@ class Kernels(NamedTuple):
     jacobian: int
     events: int
     control: int
+    search: int
 
 
 class Inputs(NamedTuple):

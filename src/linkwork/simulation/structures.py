@@ -77,6 +77,18 @@ def _place(builder, kind, structure, name):
     return builder.gep(structure, [ir.Constant(word, 0), ir.Constant(word, index)])
 
 
+def _memory_of(typing_context, structure):
+    """Return the pointer to the memory that holds a structure."""
+
+    def generate(context, builder, signature, values):
+        return builder.bitcast(values[0], context.get_value_type(POINTER))
+
+    return POINTER(structure), generate
+
+
+memory_of: Callable[..., Any] = intrinsic(_memory_of)
+
+
 def at(structure: Structure) -> Callable[..., Any]:
     """Return a function for compiled code that takes the memory at a pointer for a structure."""
 
