@@ -51,7 +51,10 @@ class MuJoCoSide:
         except ValueError as error:
             if "opening file" not in str(error):
                 raise
-            model = without_meshes(mj.MjSpec.from_file(str(path))).compile()
+            try:
+                model = without(mj.MjSpec.from_file(str(path)), meshes=False).compile()
+            except ValueError:
+                model = without(mj.MjSpec.from_file(str(path)), meshes=True).compile()
         self.mj, self.model = mj, model
         off = ("CONTACT", "LIMIT", "FRICTIONLOSS", "ACTUATION")
         for word in off:
@@ -98,8 +101,9 @@ class MuJoCoSide:
         return M, self.data.qfrc_passive - self.data.qfrc_bias - dry
 
 
-def without_meshes(spec: Any) -> Any:
-    """Return a model of MuJoCo without what needs files that are not there."""
+def without(spec: Any, meshes: bool) -> Any:
+    """Return a model of MuJoCo without pictures and skins, whose files may not be there, or without
+    all that is of files."""
     import mujoco as mj
 
     needing = (mj.mjtGeom.mjGEOM_MESH, mj.mjtGeom.mjGEOM_SDF, mj.mjtGeom.mjGEOM_HFIELD)
@@ -107,11 +111,12 @@ def without_meshes(spec: Any) -> Any:
         spec.delete(part)
     for geom in list(spec.geoms):
         geom.material = ""
-        if geom.type in needing:
+        if meshes and geom.type in needing:
             spec.delete(geom)
     for site in (*spec.sites, *spec.tendons):
         site.material = ""
-    for part in [*spec.skins, *spec.meshes, *spec.hfields, *spec.materials, *spec.textures]:
+    drawn = [*spec.skins, *spec.materials, *spec.textures]
+    for part in [*drawn, *(spec.meshes if meshes else ()), *(spec.hfields if meshes else ())]:
         spec.delete(part)
     return spec
 

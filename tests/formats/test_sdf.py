@@ -343,6 +343,16 @@ def test_models_inside_models_and_included_ones(tmp_path):
         read(text.format("", "grip::"), tmp_path)
 
 
+def test_an_include_that_is_not_there_is_told_where_nothing_needs_it(tmp_path):
+    arm = LINK.format("arm", "0 0 1 0 0 0", 1) + joint("s", "revolute", "world", "arm")
+    sun = "<include><uri>model://sun</uri></include>"
+    text = f"<sdf version='1.6'><world name='w'>{sun}<model name='m'>{{}}</model></world></sdf>"
+    with pytest.warns(ModelWarning, match="<include> is left out: 'model://sun' is not there"):
+        assert set(read(text.format(arm), tmp_path).mechanism.bodies) == {"m::arm"}
+    with pytest.raises(MechanismError, match="there is no package 'sun' around the file"):
+        read(text.format(""), tmp_path)
+
+
 def test_a_loop_whose_actuator_is_locked_leaves_a_spin(tmp_path):
     """The mimic locks the four-bar; the coupler still turns about its own axis, between ball and
     universal joint, and no rounding takes the actuator for what moves."""

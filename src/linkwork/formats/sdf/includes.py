@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from linkwork.formats import xml
 from linkwork.formats.notes import Notes
 from linkwork.formats.reading import Reading
 from linkwork.formats.sdf.scopes import BETWEEN, PARTS, WORLD, Scope
-from linkwork.formats.xml import Element
+from linkwork.formats.xml import Element, shortened
 from linkwork.mechanism import MechanismError
 
 DEEPEST = 50  # models inside one another
@@ -18,11 +18,13 @@ MOST = 500  # models that are included
 
 @dataclass
 class ScopeReader:
-    """Read models as scopes; `count` of them were included."""
+    """Read models as scopes; `count` of them were included, and for others, which are left out,
+    nothing is there: refusals of theirs say where it is looked for."""
 
     reading: Reading
     notes: Notes
     count: int = 0
+    absent: list[MechanismError] = field(default_factory=list)
 
     def top(self, root: Element) -> Scope:
         """Return the scope of the file's first world, or that of its models."""
@@ -43,6 +45,8 @@ class ScopeReader:
         for part in scope.element.each("model", "include"):
             included = part.tag == "include"
             element = self._included(part) if included else part
+            if element is None:
+                continue
             name = (part.inner("name") or element).text("name")
             merge = included and part.attributes.get("merge", "false") in ("true", "1")
             place = part if included and part.first("pose") else element
@@ -77,15 +81,25 @@ class ScopeReader:
         if name in scope.named or name in scope.models:
             raise part.refusal("has the name of another part of its model; names are given once")
 
-    def _included(self, include: Element) -> Element:
-        """Return the <model> of another file."""
+    def _included(self, include: Element) -> Element | None:
+        """Return the <model> of another file; None, with a note, where there is no such file."""
         uri = include.inner("uri")
         if uri is None:
             raise include.refusal("holds no <uri>; add one")
         self.count += 1
         if self.count > MOST:
             raise include.refusal(f"comes after more than {MOST} others; that is refused")
-        path = self.reading.found(uri.text("uri"), uri)
+        try:
+            path = self.reading.found(uri.text("uri"), uri)
+        except MechanismError as error:
+            self.absent.append(error)
+            self.notes.on(
+                include,
+                f"is left out: {shortened(uri.text('uri'))} is not there; state the folder that "
+                "holds it (packages=, --package-path)",
+                alters=True,
+            )
+            return None
         try:
             root = xml.read(_model_file(path, uri) if path.is_dir() else path)
             if root.tag != "sdf":

@@ -59,9 +59,19 @@ def read_sdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     """
     if not any(root.each("world", "model", "include")):
         raise root.refusal("holds no <model> and no <world>")
-    version = _version(root)
-    top = ScopeReader(reading, notes).top(root)
-    scopes = list(top.all())
+    files = ScopeReader(reading, notes)
+    try:
+        return _mechanism(root, files.top(root), notes, reading)
+    except MechanismError:
+        # What is missing may be what an include that is not there would have brought.
+        if files.absent:
+            raise files.absent[0] from None
+        raise
+
+
+def _mechanism(root: Element, top: Scope, notes: Notes, reading: Reading) -> Mechanism:
+    """Read a document with its models as scopes."""
+    version, scopes = _version(root), list(top.all())
     _survey(scopes, notes)
     # Links that move are bodies.
     body_names, bodies, keys = FreeNames(notes, (GROUND,)), {}, {}
