@@ -44,7 +44,7 @@ def test_pd_on_a_mass_is_a_second_order_response(goal):
         plant.state([0.1], [0.5]), PD(goal, 18.0, 4.0), duration=2.0, save_at=TIMES
     )
     expected = 0.4 + second_order(TIMES, -0.3, 0.5, 9.0, 2.0)
-    assert np.allclose(run.dataset.joint_position.values[:, 0], expected, 0, 1e-7)
+    assert np.allclose(run["joint_position"].values[:, 0], expected, 0, 1e-7)
 
 
 def test_gains_are_parameters_by_name_or_by_actuator(robot):
@@ -54,7 +54,7 @@ def test_gains_are_parameters_by_name_or_by_actuator(robot):
     )
     each = {name: 500.0 for name in robot.actuators}
     other = robot.simulate(robot.home, PD(goal, each, 30.0), duration=0.5, save_at=[0, 0.5])
-    assert np.allclose(one.dataset.tool_pose, other.dataset.tool_pose, 0, 1e-12)
+    assert np.allclose(one["tool_pose"], other["tool_pose"], 0, 1e-12)
     changed = robot.simulate(
         robot.home,
         PD(goal, each, 30.0),
@@ -62,7 +62,7 @@ def test_gains_are_parameters_by_name_or_by_actuator(robot):
         save_at=[0, 0.5],
         parameters={"kp.slide_2": 100.0},
     )
-    assert np.abs(changed.dataset.tool_pose[-1] - other.dataset.tool_pose[-1]).max() > 1e-4
+    assert np.abs(changed["tool_pose"][-1] - other["tool_pose"][-1]).max() > 1e-4
 
 
 def test_gravity_compensation_leaves_no_steady_error():
@@ -72,7 +72,7 @@ def test_gravity_compensation_leaves_no_steady_error():
     held = plant.simulate(
         plant.home, PDWithGravity(goal, 40.0, 8.0, model=plant), duration=15.0, save_at=[15.0]
     )
-    (bare,), (held,) = (run.dataset.joint_position.values[-1] for run in (bare, held))
+    (bare,), (held,) = (run["joint_position"].values[-1] for run in (bare, held))
     weight = 1.5 * 9.81 * 0.7
     assert abs(held - 0.6) < 1e-6
     assert abs(40 * (0.6 - bare) - weight * np.cos(bare)) < 1e-5 and abs(bare - 0.6) > 0.1
@@ -93,10 +93,8 @@ def test_pid_leaves_no_steady_error_under_a_constant_wrench():
     law = PID({"slide": 0.1}, 60.0, 20.0, ki=40.0, joints=("slide",))
     push = Wrench("cart", force=[-5.0, 0, 0])
     run = plant.simulate(plant.home, law, duration=20.0, wrenches=[push], save_at=[0, 20.0])
-    assert abs(run.dataset.joint_position.values[-1, 0] - 0.1) < 1e-7
-    assert np.isclose(
-        run.dataset.drive_state.sel(extra="integral.slide").values[-1], 5.0 / 40.0, 1e-6
-    )
+    assert abs(run["joint_position"].values[-1, 0] - 0.1) < 1e-7
+    assert np.isclose(run["drive_state"].sel(extra="integral.slide").values[-1], 5.0 / 40.0, 1e-6)
 
 
 def test_computed_torque_gives_the_error_dynamics_exactly(robot):
@@ -114,8 +112,8 @@ def test_computed_torque_gives_the_error_dynamics_exactly(robot):
     save = np.linspace(0, 1, 51)
     run = robot.simulate(start, law, duration=1.0, save_at=save, rtol=1e-11, atol=1e-12)
     course = lw.Sampled(motion.time, motion.positions[:, :3])
-    e = course(save) - run.dataset.joint_position.values[:, :3]
-    de = course.derivative()(save) - run.dataset.joint_rate.values[:, :3]
+    e = course(save) - run["joint_position"].values[:, :3]
+    de = course.derivative()(save) - run["joint_rate"].values[:, :3]
     expected = np.stack(
         [second_order(save, e[0, i], de[0, i], 100.0, 12.0) for i in range(3)], axis=1
     )
@@ -130,7 +128,7 @@ def test_computed_torque_with_too_few_actuators():
     law = ComputedTorque({"hinge_1": -1.0}, 29.0, 10.0, robot)
     run = robot.simulate(robot.home, law, duration=1.0, save_at=np.linspace(0, 1, 21), rtol=1e-10)
     expected = -1.0 + second_order(np.linspace(0, 1, 21), 1.0, 0.0, 29.0, 10.0)
-    assert np.allclose(run.dataset.joint_position.sel(coordinate="hinge_1"), expected, 0, 1e-7)
+    assert np.allclose(run["joint_position"].sel(coordinate="hinge_1"), expected, 0, 1e-7)
 
 
 def test_computed_torque_with_too_many_actuators():
@@ -144,10 +142,10 @@ def test_computed_torque_with_too_many_actuators():
     save = np.linspace(0, 1, 11)
     run = robot.simulate(start, law, duration=1.0, save_at=save, rtol=1e-10)
     names = list(robot.independent)
-    e = run.dataset.joint_position.sel(coordinate=names).values - [goal[name] for name in names]
+    e = run["joint_position"].sel(coordinate=names).values - [goal[name] for name in names]
     expected = np.stack([second_order(save, e[0, i], 0.0, 100.0, 16.0) for i in range(3)], axis=1)
     assert np.abs(e - expected).max() < 1e-8
-    assert not np.allclose(run.dataset.actuator_force.sel(actuator="pivot_1").values, 0)
+    assert not np.allclose(run["actuator_force"].sel(actuator="pivot_1").values, 0)
 
 
 def test_sliding_mode_bears_a_wrong_model(robot):
@@ -160,12 +158,12 @@ def test_sliding_mode_bears_a_wrong_model(robot):
     run = robot.simulate(
         start, SlidingMode(motion, slope, 20.0, boundary, wrong), duration=1.0, save_at=motion.time
     )
-    e = np.abs(run.dataset.joint_position.values - motion.positions)[:, :3].max()
+    e = np.abs(run["joint_position"].values - motion.positions)[:, :3].max()
     assert e < boundary / slope  # |s| <= boundary gives |e| <= boundary / slope
     soft = robot.simulate(
         start, ComputedTorque(motion, 30.0, 10.0, wrong), duration=1.0, save_at=motion.time
     )
-    assert np.abs(soft.dataset.joint_position.values - motion.positions)[:, :3].max() > e
+    assert np.abs(soft["joint_position"].values - motion.positions)[:, :3].max() > e
 
 
 def test_lqr_of_a_double_integrator_is_known():
@@ -179,7 +177,7 @@ def test_lqr_holds_an_upright_pendulum():
     upright = plant.state([np.pi / 2])
     law = LQR.about(plant, upright, [10.0, 1.0], [1.0])
     run = plant.simulate(plant.state([np.pi / 2 + 0.2]), law, duration=10.0, save_at=[10.0])
-    assert abs(run.dataset.joint_position.values[-1, 0] - np.pi / 2) < 1e-6
+    assert abs(run["joint_position"].values[-1, 0] - np.pi / 2) < 1e-6
 
 
 def test_lqr_balances_a_pole_on_a_cart():
@@ -200,13 +198,13 @@ def test_lqr_balances_a_pole_on_a_cart():
     run = robot.simulate(
         robot.state({"slide": 0.3, "hinge": np.pi / 2 + 0.1}), law, duration=20.0, save_at=[20.0]
     )
-    assert np.allclose(run.dataset.joint_position.values[-1], [0, np.pi / 2], 0, 1e-5)
+    assert np.allclose(run["joint_position"].values[-1], [0, np.pi / 2], 0, 1e-5)
 
 
 def test_lqr_of_a_closed_loop_robot(robot):
     law = LQR.about(robot, robot.home, [100] * 3 + [1] * 3, [1] * 3)
     run = robot.simulate(robot.assemble(tool=[0.51, 0.28, 0.5]), law, duration=8.0, save_at=[8.0])
-    assert np.allclose(run.dataset.tool_pose[-1], robot.tool_pose(robot.home), 0, 1e-6)
+    assert np.allclose(run["tool_pose"][-1], robot.tool_pose(robot.home), 0, 1e-6)
 
 
 @pytest.mark.parametrize(
@@ -294,7 +292,7 @@ def test_controllers_work_with_numbers_too(robot):
         )
         for c in (True, False)
     ]
-    first, second = (run.dataset.joint_position.values[-1] for run in runs)
+    first, second = (run["joint_position"].values[-1] for run in runs)
     assert np.allclose(first, second, 0, 1e-12)
 
 
@@ -304,10 +302,10 @@ def test_pid_integrates_the_errors_of_all_actuators_of_whatever_robot_it_leads(r
     law = PID({name: float(robot.home[name]) for name in robot.actuators}, 400.0, 60.0, ki=1200.0)
     push = Wrench("platform", force=[6.0, -4.0, 0])
     run = robot.simulate(robot.home, law, duration=12.0, wrenches=[push], save_at=[0, 12.0])
-    integrals = run.dataset.drive_state.sel(
-        extra=[f"integral.{name}" for name in robot.actuators]
-    ).values[-1]
-    assert np.allclose(1200.0 * integrals, run.dataset.actuator_force.values[-1], 1e-5, 1e-5)
+    integrals = (
+        run["drive_state"].sel(extra=[f"integral.{name}" for name in robot.actuators]).values[-1]
+    )
+    assert np.allclose(1200.0 * integrals, run["actuator_force"].values[-1], 1e-5, 1e-5)
     assert np.abs(integrals).max() > 1e-3
     (one,) = PID({"slide": 0.0}, 1.0, 1.0, ki=1.0).extras(("slide",))
     assert one.name == "integral.slide"
@@ -324,7 +322,7 @@ def test_pid_of_some_actuators_or_none(robot):
         robot.home, PID(goal, 300, 30, ki=50.0, joints=()), duration=0.3, save_at=save
     )
     plain = robot.simulate(robot.home, PD(goal, 300, 30), duration=0.3, save_at=save)
-    assert np.allclose(none.dataset.tool_pose, plain.dataset.tool_pose, 0, 1e-12)
+    assert np.allclose(none.dataset.tool_pose, plain["tool_pose"], 0, 1e-12)
 
 
 def test_pid_of_an_unknown_actuator_is_refused():

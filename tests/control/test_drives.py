@@ -21,14 +21,14 @@ def test_a_first_order_lag(plant):
         plant.home, [6.0], duration=1.0, drives={"slide": Lag(0.2)}, save_at=TIMES, rtol=1e-10
     )
     force = 6 * (1 - np.exp(-TIMES / 0.2))
-    assert np.allclose(run.dataset.actuator_force.values[:, 0], force, 0, 1e-7)
+    assert np.allclose(run["actuator_force"].values[:, 0], force, 0, 1e-7)
     assert np.allclose(
-        run.dataset.joint_rate.values[:, 0], 3 * (TIMES - 0.2 * (1 - np.exp(-TIMES / 0.2))), 0, 1e-8
+        run["joint_rate"].values[:, 0], 3 * (TIMES - 0.2 * (1 - np.exp(-TIMES / 0.2))), 0, 1e-8
     )
-    assert np.allclose(run.dataset.command, 6.0)
+    assert np.allclose(run["command"], 6.0)
     assert (
-        run.dataset.drive_state.sel(extra="slide.force").values[-1]
-        == run.dataset.actuator_force.values[-1, 0]
+        run["drive_state"].sel(extra="slide.force").values[-1]
+        == run["actuator_force"].values[-1, 0]
     )
 
 
@@ -41,9 +41,9 @@ def test_a_saturated_drive(plant):
         plant.home, law, duration=1.0, drives={"slide": Saturated(5.0, smooth=True)}, save_at=TIMES
     )
     command = 20 * np.sin(6 * TIMES)
-    assert np.allclose(hard.dataset.command.values[:, 0], command, 0, 1e-12)
-    assert np.allclose(hard.dataset.actuator_force.values[:, 0], np.clip(command, -5, 5), 0, 1e-12)
-    assert np.allclose(soft.dataset.actuator_force.values[:, 0], 5 * np.tanh(command / 5), 0, 1e-12)
+    assert np.allclose(hard["command"].values[:, 0], command, 0, 1e-12)
+    assert np.allclose(hard["actuator_force"].values[:, 0], np.clip(command, -5, 5), 0, 1e-12)
+    assert np.allclose(soft["actuator_force"].values[:, 0], 5 * np.tanh(command / 5), 0, 1e-12)
 
 
 def test_a_dc_motor_follows_its_linear_equations(plant):
@@ -62,12 +62,10 @@ def test_a_dc_motor_follows_its_linear_equations(plant):
     )
     A = np.array([[-R / L, -K * N / L, V / L], [K * N / 2.0, 0, 0], [0, 0, 0]])
     expected = np.array([expm(A * t) @ [0, 0, 1] for t in TIMES])
-    assert np.allclose(run.dataset.drive_state.values[:, 0], expected[:, 0], 0, 1e-7)
-    assert np.allclose(run.dataset.joint_rate.values[:, 0], expected[:, 1], 0, 1e-7)
-    assert np.allclose(run.dataset.actuator_force.values[:, 0], K * N * expected[:, 0], 0, 1e-7)
-    assert (
-        run.dataset.drive_state.attrs["units"] == "A" and run.dataset.command.attrs["units"] == "V"
-    )
+    assert np.allclose(run["drive_state"].values[:, 0], expected[:, 0], 0, 1e-7)
+    assert np.allclose(run["joint_rate"].values[:, 0], expected[:, 1], 0, 1e-7)
+    assert np.allclose(run["actuator_force"].values[:, 0], K * N * expected[:, 0], 0, 1e-7)
+    assert run["drive_state"].attrs["units"] == "A" and run["command"].attrs["units"] == "V"
     assert list(run.dataset.extra.values) == ["slide.current"]
 
 
@@ -88,7 +86,7 @@ def test_a_drives_numbers_are_parameters(plant):
         drives={"slide": DCMotor(2.0, 0.05, 0.3, 6.0)},
         save_at=TIMES,
     )
-    assert np.allclose(stronger.dataset.joint_position, other.dataset.joint_position, 0, 1e-12)
+    assert np.allclose(stronger["joint_position"], other["joint_position"], 0, 1e-12)
 
 
 def test_an_ideal_drive_changes_nothing(plant):
@@ -96,7 +94,7 @@ def test_an_ideal_drive_changes_nothing(plant):
     ideal = plant.simulate(
         plant.home, [3.0], duration=1.0, save_at=TIMES, drives={"slide": Ideal()}
     )
-    assert np.allclose(bare.dataset.joint_position, ideal.dataset.joint_position, 0, 1e-13)
+    assert np.allclose(bare["joint_position"], ideal["joint_position"], 0, 1e-13)
 
 
 def damped(viscous: float) -> lw.Robot:
@@ -144,7 +142,7 @@ def test_a_pneumatic_cylinder_with_closed_valve_is_a_spring():
         save_at=times,
     )
     assert np.allclose(
-        run.dataset.joint_position.values[:, 0],
+        run["joint_position"].values[:, 0],
         1e-4 / omega * np.sin(omega * times),
         0,
         1e-3 * 1e-4 / omega,
@@ -172,10 +170,10 @@ def test_a_pneumatic_cylinder_fills_to_the_supply(plant):
         save_at=[0, 3.0],
     )
     assert run.success
-    assert np.allclose(run.dataset.drive_state.values[-1], [7e5, 1.01325e5], 2e-3)
+    assert np.allclose(run["drive_state"].values[-1], [7e5, 1.01325e5], 2e-3)
     force = 7e5 * 1.2e-3 - 1.01325e5 * 1e-3 - 101325 * 0.2e-3
-    assert np.isclose(run.dataset.actuator_force.values[-1, 0], force, 2e-3)
-    assert np.isclose(run.dataset.joint_position.values[-1, 0], force / 1e5, 2e-3)
+    assert np.isclose(run["actuator_force"].values[-1, 0], force, 2e-3)
+    assert np.isclose(run["joint_position"].values[-1, 0], force / 1e5, 2e-3)
 
 
 def test_flow_of_warm_air():
@@ -195,7 +193,7 @@ def test_a_pneumatic_piston_stops_at_both_ends_of_its_stroke(command):
         robot.home, law, duration=8.0, drives={"slide": drive}, save_at=np.linspace(0, 8, 161)
     )
     assert run.success
-    x, p = run.dataset.joint_position.values[:, 0], run.dataset.drive_state.values
+    x, p = run["joint_position"].values[:, 0], run["drive_state"].values
     assert x.min() > -0.2 - 5e-3
     assert x.max() < 0.3 + 5e-3
     assert p.min() > 1.01325e5 / 2
@@ -247,8 +245,8 @@ def test_a_hydraulic_cylinder_reaches_its_steady_rate():
         save_at=[0, 1.0],
     )
     assert run.success
-    rate = run.dataset.joint_rate.values[-1, 0]
-    p_a, p_b = run.dataset.drive_state.values[-1]
+    rate = run["joint_rate"].values[-1, 0]
+    p_a, p_b = run["drive_state"].values[-1]
     assert np.isclose(p_a - p_b, 2e4 * rate / 1e-3, 1e-3)
     assert np.isclose(
         rate, 0.5 * 2e-4 / 1e-3 * np.sqrt((14e6 - 1e5 - (p_a - p_b)) / (2 * 3.5e6)), 1e-3
@@ -262,7 +260,7 @@ def test_a_hydraulic_piston_stops_at_the_end_of_its_stroke():
         robot.home, [1.0], duration=6.0, drives={"slide": drive}, save_at=np.linspace(0, 6, 121)
     )
     assert run.success
-    x, p = run.dataset.joint_position.values[:, 0], run.dataset.drive_state.values
+    x, p = run["joint_position"].values[:, 0], run["drive_state"].values
     assert np.isclose(x[-1], 0.7 + (14e6 - 1e5) * 1e-3 / (14e6 * 1e-3 / (1e-3 * 0.8)), 0, 1e-6)
     assert x.max() < 0.7 + 2e-3
     assert np.allclose(p[-1], [14e6, 1e5], 1e-3)
@@ -287,8 +285,8 @@ def test_oil_that_is_drawn_apart_keeps_a_pressure_above_zero():
         save_at=np.linspace(0, 3, 61),
     )
     assert run.success
-    x, (p_a, p_b) = run.dataset.joint_position.values[-1, 0], run.dataset.drive_state.values[-1]
-    assert run.dataset.drive_state.values.min() > 0
+    x, (p_a, p_b) = run["joint_position"].values[-1, 0], run["drive_state"].values[-1]
+    assert run["drive_state"].values.min() > 0
     assert p_a < 1.5e5
     assert np.isclose(p_b * 1e-3, load + p_a * 1e-3, 1e-4)
     for start, area, p in ((1e-4 + 1e-3 * 0.1, 1e-3, p_a), (1e-4 + 1e-3 * 0.7, -1e-3, p_b)):
@@ -312,7 +310,7 @@ def test_leakage_bleeds_a_pressure_difference():
     run = robot.simulate(
         robot.home, [0.0], duration=0.05, drives={"slide": drive}, save_at=[0, 0.05], rtol=1e-6
     )
-    p_a, p_b = run.dataset.drive_state.values[-1]
+    p_a, p_b = run["drive_state"].values[-1]
     assert np.isclose(p_a - p_b, 2e6 * np.exp(-rate * 0.05), 1e-3)
 
 

@@ -23,8 +23,8 @@ def test_user_events_are_found_at_their_times(plant):
     falls = Event(lambda t, state: lw.math.sin(10 * t), direction=-1, name="falls")
     run = plant.simulate(plant.home, [1.0], duration=1.0, events=[passes, falls], max_step=0.05)
     assert run.success
-    assert list(run.dataset.event.values) == ["falls", "passes", "falls"]
-    assert np.allclose(run.dataset.event_time, [np.pi / 10, 0.4, 3 * np.pi / 10], 0, 1e-7)
+    assert list(run.coords["event"].values) == ["falls", "passes", "falls"]
+    assert np.allclose(run.coords["event_time"].values, [np.pi / 10, 0.4, 3 * np.pi / 10], 0, 1e-7)
 
 
 def test_a_terminal_event_ends_the_run_there(plant):
@@ -38,7 +38,7 @@ def test_a_plain_function_is_an_event(plant):
     run = plant.simulate(
         plant.home, [1.0], duration=1.0, events=[lambda t, state: state.rate("slide") - 0.25]
     )
-    assert np.allclose(run.dataset.event_time, [0.5], 0, 1e-8)
+    assert np.allclose(run.coords["event_time"].values, [0.5], 0, 1e-8)
 
 
 def test_limits_as_events():
@@ -57,7 +57,7 @@ def test_limits_as_events():
     assert run.status is lw.Status.EVENT and "slide: upper limit" in run.message
     assert np.isclose(run.attrs["final_time"], 0.6, 1e-7)
     back = robot.simulate(robot.home, [-1.0], duration=1.3, events="limits")
-    assert back.success and not len(back.dataset.event_time)
+    assert back.success and not len(back.coords["event_time"].values)
 
 
 def test_limits_of_a_free_turn_as_events():
@@ -83,10 +83,10 @@ def test_actuator_singular_poses_as_events():
     )
     start = robot.in_chart(robot.home, [crank]).with_rates([6.0])
     run = robot.simulate(start, duration=2.0, events=singular_events(robot, terminal=False))
-    times = run.dataset.event_time.values
+    times = run.coords["event_time"].values
     found = (
-        robot.simulate(start, duration=2.0, save_at=times)
-        .dataset.joint_position.sel(coordinate=crank)
+        robot.simulate(start, duration=2.0, save_at=times)["joint_position"]
+        .sel(coordinate=crank)
         .values
     )
     assert len(times) == 4 and np.allclose(found / np.pi, np.round(found / np.pi), 0, 1e-7)
@@ -136,7 +136,7 @@ def test_an_event_that_is_zero_at_the_start_happens_when_it_is_zero_again():
     run = plant.simulate(
         plant.home.with_rates([1.0]), [-2.0], duration=3.0, events=lambda t, state: state["slide"]
     )
-    assert np.allclose(run.dataset.event_time, [2.0], 1e-9)
+    assert np.allclose(run.coords["event_time"].values, [2.0], 1e-9)
 
 
 def test_what_is_no_event_is_refused():
@@ -175,7 +175,7 @@ def test_a_saved_run_is_resumed(tmp_path, plant):
     loaded = lw.Run.load(first.save(tmp_path / "first.nc"))
     rest = plant.resume(loaded, law, duration=0.63, drives=drives, save_at=[1.0])
     for name in ("joint_position", "joint_rate", "drive_state"):
-        assert np.allclose(rest.dataset[name].values, whole.dataset[name].values, 0, 1e-7)
+        assert np.allclose(rest[name].values, whole[name].values, 0, 1e-7)
     assert rest.coords["time"].values[-1] == 1.0
 
 
@@ -185,7 +185,7 @@ def test_a_sampled_run_goes_on_between_its_samples(plant, compiled):
     whole = plant.simulate(plant.home, sampler, duration=1.0, save_at=[1.0])
     first = plant.simulate(plant.home, sampler, duration=0.55)
     rest = plant.resume(first, sampler, duration=0.45, save_at=[1.0])
-    assert np.allclose(rest.dataset.joint_position, whole.dataset.joint_position, 0, 1e-9)
+    assert np.allclose(rest["joint_position"], whole["joint_position"], 0, 1e-9)
 
 
 def test_a_run_resumes_in_another_chart():
@@ -196,7 +196,7 @@ def test_a_run_resumes_in_another_chart():
     whole = robot.simulate(start, duration=2.0, save_at=[2.0])
     first = robot.simulate(start, duration=1.3)
     rest = robot.resume(first, duration=0.7, save_at=[2.0])
-    assert np.allclose(rest.dataset.joint_position, whole.dataset.joint_position, 0, 1e-6)
+    assert np.allclose(rest["joint_position"], whole["joint_position"], 0, 1e-6)
 
 
 @pytest.mark.parametrize(
@@ -238,7 +238,7 @@ def test_methods_agree():
     ends = [
         robot.simulate(
             robot.home, law, duration=1.0, save_at=[1.0], method=method, step=step, rtol=1e-10
-        ).dataset.joint_position.values
+        )["joint_position"].values
         for method, step in (
             ("dormand_prince", None),
             ("dop853", None),
@@ -285,4 +285,4 @@ def test_events_of_a_robot_whose_free_turns_are_driven():
     robot = lw.Robot(mechanism)
     passes = Event(lambda t, state: state.rate("ball.wx") - 0.2, name="passes")
     run = robot.simulate(robot.home, [0.1, 0, 0], duration=0.5, events=[passes])
-    assert np.allclose(run.dataset.event_time, [0.2], 0, 1e-8)
+    assert np.allclose(run.coords["event_time"].values, [0.2], 0, 1e-8)

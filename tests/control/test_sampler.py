@@ -40,27 +40,27 @@ def test_the_discrete_recursion(plant, compiled, delay, quantise):
     run = plant.simulate(plant.home, sampler, duration=1.0, save_at=np.arange(51) / 50)
     quantum = quantise["slide"] if isinstance(quantise, dict) else quantise or 0.0
     expected = discrete(50.0, 50, round(delay * 50), quantum)
-    assert np.allclose(run.dataset.joint_position.values[:, 0], expected, 0, 1e-9)
+    assert np.allclose(run["joint_position"].values[:, 0], expected, 0, 1e-9)
 
 
 def test_the_held_command_is_recorded(plant):
     run = plant.simulate(plant.home, Sampler(LAW, 10.0), duration=1.0, save_at=[0.0, 0.05, 0.099])
-    command = run.dataset.command.values[:, 0]
+    command = run["command"].values[:, 0]
     assert np.allclose(command, 18.0 * 0.3)
-    assert np.allclose(run.dataset.actuator_force.values[:, 0], command)
+    assert np.allclose(run["actuator_force"].values[:, 0], command)
 
 
 def test_a_fast_sampler_is_the_traced_controller(plant):
     """The difference falls in proportion to the period."""
     save = [0.5, 1.0]
-    exact = plant.simulate(
-        plant.home, LAW, duration=1.0, save_at=save, rtol=1e-10
-    ).dataset.joint_position.values
+    exact = plant.simulate(plant.home, LAW, duration=1.0, save_at=save, rtol=1e-10)[
+        "joint_position"
+    ].values
     gaps = [
         np.abs(
             plant.simulate(
                 plant.home, Sampler(LAW, rate, compiled=True), duration=1.0, save_at=save
-            ).dataset.joint_position.values
+            )["joint_position"].values
             - exact
         ).max()
         for rate in (200, 400, 800)
@@ -99,7 +99,7 @@ def test_an_exception_ends_the_run_with_what_was_computed(plant, drives):
     time = run.coords["time"].values
     assert np.isclose(time[-1], 0.5) and len(time) > 2
     if drives is None:
-        assert np.isclose(run.dataset.joint_position.values[-1, 0], 0.5**2 / 4)
+        assert np.isclose(run["joint_position"].values[-1, 0], 0.5**2 / 4)
 
 
 def test_a_wrong_number_of_forces_ends_the_run(plant):
@@ -118,7 +118,7 @@ def test_an_interrupt_cancels_the_run_and_keeps_what_was_computed(plant):
     run = plant.simulate(plant.home, Sampler(interrupted, 10.0), duration=1.0)
     assert run.status is lw.Status.CANCELLED and isinstance(run.error, KeyboardInterrupt)
     assert run.message == "The run was cancelled at t = 0.5 s."
-    assert np.isclose(run.dataset.joint_position.values[-1, 0], 0.5**2 / 4)
+    assert np.isclose(run["joint_position"].values[-1, 0], 0.5**2 / 4)
 
 
 def test_a_wish_to_leave_is_not_swallowed(plant):
@@ -153,9 +153,7 @@ def test_a_run_goes_on_with_a_repaired_controller(plant, late, fault):
     assert not failed.success and failed.attrs["final_time"] == 0.5
     run = plant.resume(failed, Sampler(LAW, 10.0, delay=late / 10), duration=0.5)
     assert run.success
-    assert np.isclose(
-        run.dataset.joint_position.values[-1, 0], discrete(10.0, 10, late)[-1], 0, 1e-9
-    )
+    assert np.isclose(run["joint_position"].values[-1, 0], discrete(10.0, 10, late)[-1], 0, 1e-9)
 
 
 def test_a_resumed_run_is_sampled_at_its_own_rate(plant):
@@ -196,7 +194,7 @@ def test_undefined_forces_end_the_run_and_are_named(wrap):
     assert run.status is lw.Status.NON_FINITE
     assert "slide_2" in run.message and "slide_1" not in run.message
     assert 0.2 < run.coords["time"].values[-1] < 0.27
-    assert np.isfinite(run.dataset.joint_position).all()
+    assert np.isfinite(run["joint_position"]).all()
 
 
 def test_a_change_of_chart_keeps_what_is_held():
@@ -211,7 +209,7 @@ def test_a_change_of_chart_keeps_what_is_held():
             robot.home, Sampler(law, 50.0, compiled=compiled), duration=4.0, save_at=[0, 4.0]
         )
         assert run.success
-        ends.append(run.dataset.joint_position.values[-1])
+        ends.append(run["joint_position"].values[-1])
     assert np.allclose(ends[0], ends[1], 0, 1e-7)
 
 

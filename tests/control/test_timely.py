@@ -67,7 +67,7 @@ def test_zeros_of_functions_of_time_are_all_found(plant):
     wave = Event(lambda t, state: lw.math.sin(20 * math.pi * t + 0.1), name="wave")
     run = plant.simulate(plant.home, duration=1.0, events=[wave])
     expected = (np.arange(1, 21) - 0.1 / math.pi) / 20
-    np.testing.assert_allclose(run.dataset.event_time.values, expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run.coords["event_time"].values, expected, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("sampled", [False, True])
@@ -80,7 +80,7 @@ def test_a_pulse_of_an_event_function_is_not_passed_over(plant, sampled):
 
     run = plant.simulate(plant.home, duration=5.0, events=[Event(high)])
     np.testing.assert_allclose(
-        run.dataset.event_time.values, [3.3 - late, 3.3 + late], rtol=0, atol=1e-6
+        run.coords["event_time"].values, [3.3 - late, 3.3 + late], rtol=0, atol=1e-6
     )
 
 

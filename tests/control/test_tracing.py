@@ -141,7 +141,7 @@ def test_parameters_change_without_compiling(plant, monkeypatch):
         kernel, "load", lambda *args: compiled.append(args) or pytest.fail("compiled anew")
     )
     run = plant.simulate(start, law, duration=1.0, save_at=TIMES, parameters={"stiffness": 18.0})
-    assert np.allclose(run.dataset.joint_position.values[:, 0], 0.3 * np.cos(3 * TIMES), 0, 1e-7)
+    assert np.allclose(run["joint_position"].values[:, 0], 0.3 * np.cos(3 * TIMES), 0, 1e-7)
     assert not compiled
 
 
@@ -157,7 +157,7 @@ def test_references_over_time_become_inputs(plant):
     run = plant.simulate(plant.state([0.0], [3.0]), law, duration=1.0, save_at=TIMES)
     start = float(desired.derivative()(0.0)[0]) - 3.0  # the spline's own slope at the start
     assert np.allclose(
-        run.dataset.joint_position.values[:, 0] + start * TIMES, desired(TIMES)[:, 0], 0, 1e-8
+        run["joint_position"].values[:, 0] + start * TIMES, desired(TIMES)[:, 0], 0, 1e-8
     )
 
 
@@ -165,7 +165,7 @@ def test_time_is_exact(plant):
     run = plant.simulate(
         plant.home, lambda t, state: [2.0 * lw.math.cos(t)], duration=1.0, save_at=TIMES, rtol=1e-11
     )
-    assert np.allclose(run.dataset.joint_position.values[:, 0], 1 - np.cos(TIMES), 0, 1e-9)
+    assert np.allclose(run["joint_position"].values[:, 0], 1 - np.cos(TIMES), 0, 1e-9)
 
 
 def test_the_same_law_in_every_chart():
@@ -303,13 +303,11 @@ def test_parameters_of_the_robot_and_of_the_controller_together():
 
     start, both = plant.state([0.3]), {"cart.mass": 4.0, "stiffness": 36.0}
     run = plant.simulate(start, law, duration=1.0, save_at=TIMES, parameters=both)
-    assert np.allclose(run.dataset.joint_position.values[:, 0], 0.3 * np.cos(3 * TIMES), 0, 1e-7)
+    assert np.allclose(run["joint_position"].values[:, 0], 0.3 * np.cos(3 * TIMES), 0, 1e-7)
     run = plant.simulate(
         start, law, duration=1.0, save_at=TIMES, parameters=both | {"hook.frame.position.x": 0.2}
     )
-    assert np.allclose(
-        run.dataset.joint_position.values[:, 0], 0.4 * np.cos(3 * TIMES) - 0.1, 0, 1e-7
-    )
+    assert np.allclose(run["joint_position"].values[:, 0], 0.4 * np.cos(3 * TIMES) - 0.1, 0, 1e-7)
 
 
 def test_unknown_parameters_are_refused(plant):
@@ -339,7 +337,7 @@ def test_a_motion_of_the_3_prr(robot):
     run = robot.simulate(
         motion.state.at(0), lw.control.PD(motion, 5000, 200), duration=1.0, save_at=motion.time
     )
-    assert np.abs(run.dataset.joint_position.values - motion.positions)[:, :3].max() < 0.004
+    assert np.abs(run["joint_position"].values - motion.positions)[:, :3].max() < 0.004
 
 
 def test_values_without_bound_are_undefined_whichever_way_they_come_about(plant):

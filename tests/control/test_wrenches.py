@@ -12,9 +12,9 @@ from tests.control.plants import cart
 
 def accelerations(robot, state, wrenches=(), forces=None):
     """Return the accelerations of all joints at the start of a run."""
-    return robot.simulate(
-        state, forces, duration=1e-3, wrenches=wrenches, save_at=[0.0]
-    ).dataset.joint_acceleration.values[0]
+    return robot.simulate(state, forces, duration=1e-3, wrenches=wrenches, save_at=[0.0])[
+        "joint_acceleration"
+    ].values[0]
 
 
 @pytest.fixture(scope="module")
@@ -101,8 +101,8 @@ def test_a_sampled_wrench_acts_over_time():
     run = plant.simulate(
         plant.home, duration=1.0, wrenches=[Wrench("cart", force=push)], save_at=times
     )
-    assert np.allclose(run.dataset.joint_rate.values[:, 0], (1 - np.cos(5 * times)) / 10, 0, 1e-7)
-    recorded = run.dataset.external_wrench.sel(wrench_component="force_x").values[:, 0]
+    assert np.allclose(run["joint_rate"].values[:, 0], (1 - np.cos(5 * times)) / 10, 0, 1e-7)
+    recorded = run["external_wrench"].sel(wrench_component="force_x").values[:, 0]
     assert np.allclose(recorded, np.sin(5 * times), 0, 1e-6)
 
 

@@ -3,7 +3,7 @@ joint types and effects."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import casadi as ca
@@ -53,6 +53,7 @@ class Sample:
     oracle: MaximalOracle
     poses: Poses
     twists: Twists
+    made: dict[str, ca.Function] = field(default_factory=dict)
 
     @classmethod
     def of(cls, mechanism: Mechanism, seed: int) -> Sample:
@@ -72,7 +73,9 @@ class Sample:
 
     def values(self, name: str, *more: np.ndarray) -> dict[str, np.ndarray]:
         """Evaluate a derived function at this state."""
-        function = getattr(functions, name)(self.equations)
+        if name not in self.made:
+            self.made[name] = getattr(functions, name)(self.equations)
+        function = self.made[name]
         return values(
             function,
             *[(self.q, self.v)[: function.n_in() - 1], (self.q, self.v, *more)][bool(more)],

@@ -31,7 +31,9 @@ CASES = {
 @pytest.fixture(params=CASES, scope="module")
 def case(request):
     mechanism = CASES[request.param]()
-    return mechanism, derive(mechanism)
+    equations = derive(mechanism)
+    made = functions.regressor(equations), functions.inverse_dynamics(equations)
+    return mechanism, equations, *made
 
 
 def at_random(equations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -40,15 +42,15 @@ def at_random(equations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_it_is_inverse_dynamics(case):
-    mechanism, equations = case
+    mechanism, equations, linear, inverse_dynamics = case
     q, v, dv = at_random(equations)
-    out = values(functions.regressor(equations), q, v, dv)
+    out = values(linear, q, v, dv)
     pi = regressor.values(mechanism)
     assert len(regressor.names(mechanism)) == pi.size
     Y = out["Y"].reshape(equations.mobility, pi.size)
     close(
         Y @ pi + out["rest"],
-        values(functions.inverse_dynamics(equations), q, v, dv)["forces"],
+        values(inverse_dynamics, q, v, dv)["forces"],
         1e-11,
     )
     terms = values(functions.terms(equations), q, v)
@@ -57,17 +59,17 @@ def test_it_is_inverse_dynamics(case):
 
 
 def test_it_does_not_depend_on_masses_and_friction(case):
-    mechanism, equations = case
+    mechanism, equations, linear, inverse_dynamics = case
     body = next(iter(mechanism.bodies))
     light = edited(mechanism, {f"bodies.{body}.mass": 7.0, f"bodies.{body}.com.x": 0.3})
     q, v, dv = at_random(equations)
-    Y = values(functions.regressor(equations), q, v, dv)["Y"]
+    Y = values(linear, q, v, dv)["Y"]
     other = derive(light, equations.independent)
     close(values(functions.regressor(other), q, v, dv)["Y"], Y, 1e-11)
     close(
         Y.reshape(v.size, -1) @ (regressor.values(light) - regressor.values(mechanism)),
         values(functions.inverse_dynamics(other), q, v, dv)["forces"]
-        - values(functions.inverse_dynamics(equations), q, v, dv)["forces"],
+        - values(inverse_dynamics, q, v, dv)["forces"],
         1e-11,
     )
 

@@ -157,13 +157,13 @@ def test_a_run_is_led_by_the_files_own_servos(tmp_path):
     control = np.full(len(robot.actuators), 0.3)
     run = robot.simulate(robot.home, control, duration=0.3, drives=robot.drives, rtol=1e-11)
     assert run.success
-    assert np.abs(run.dataset["energy_balance"]).max() < 1e-8 * np.abs(run.dataset["work"]).max()
+    assert np.abs(run["energy_balance"]).max() < 1e-8 * np.abs(run["work"]).max()
     model, data = side.compiled(path)
     model.opt.timestep, model.opt.integrator = 1e-4, mj.mjtIntegrator.mjINT_RK4
     data.ctrl[:] = 0.3
     while data.time < 0.3 - 1e-9:
         mj.mj_step(model, data)
-    own = dict(zip(robot.coordinates, run.dataset["joint_position"].values[-1], strict=True))
+    own = dict(zip(robot.coordinates, run["joint_position"].values[-1], strict=True))
     assert data.qpos == pytest.approx([own[f"j{k}"] for k in (1, 2, 3, 4)], abs=1e-5)
 
 

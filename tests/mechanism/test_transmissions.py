@@ -113,4 +113,4 @@ def test_what_acts_between_bodies_closes_the_energy_balance_and_has_free_numbers
     found, expected = (each.forward_dynamics(each.state(*at), forces) for each in (moved, other))
     assert found == pytest.approx(expected, rel=1e-13)
     run = robot.simulate(robot.home, forces, duration=0.2, rtol=1e-11)
-    assert np.abs(run.dataset["energy_balance"]).max() < 1e-9
+    assert np.abs(run["energy_balance"]).max() < 1e-9

@@ -48,7 +48,7 @@ def returned(robot: lw.Robot, motion: lw.Motion, tolerance: float) -> None:
         rtol=1e-11,
         atol=1e-13,
     )
-    close(run.dataset["joint_position"].values, motion.positions[::100], tolerance)
+    close(run["joint_position"].values, motion.positions[::100], tolerance)
 
 
 def test_a_simulation_under_the_torques_returns_the_motion_of_the_links():

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import networkx as nx
 import numpy as np
@@ -131,10 +131,9 @@ class MaximalOracle:
         shown = [self.mechanism.coordinates.index(name) for name in held]
         near = MaximalOracle(self.mechanism, {**self.near, **held})
         for _ in range(50):
-            rows = self.rows(poses, self._rest)
-            gap = np.concatenate(
-                [*near.residuals(poses).values(), near.coordinates(poses)[shown] - [*held.values()]]
-            )
+            seen = self._seen(poses, self._rest)
+            rows, here = self._rows(seen), near._coordinates(seen)
+            gap = np.concatenate([*near._residuals(seen).values(), here[shown] - [*held.values()]])
             step = np.linalg.lstsq(np.vstack([rows.A, rows.F[fixed]]), -gap, rcond=DEPENDENT)[0]
             poses = self.moved(poses, step * min(1, 0.5 / np.max(abs(step), initial=0.5)))
             if np.max(abs(step), initial=0) < 1e-9:
@@ -160,34 +159,36 @@ class MaximalOracle:
     def residuals(self, poses: Poses) -> dict[str, np.ndarray]:
         """Return by joint how far it is from its own motion [m, rad], one number per constraint;
         gears in their unit."""
-        shown = dict(zip(self.mechanism.coordinates, self.coordinates(poses), strict=True))
+        return self._residuals(self._seen(poses, self._rest))
+
+    def _residuals(self, seen: Mapping[str, Relative]) -> dict[str, np.ndarray]:
+        shown = dict(zip(self.mechanism.coordinates, self._coordinates(seen), strict=True))
         gears = {
             name: np.array(
                 [sum(ratio * shown[label] for label, ratio in gear.ratios.items()) - gear.offset]
             )
             for name, gear in self.mechanism.gears.items()
         }
-        found = {
-            name: self._relative(joint, poses, self._rest)
-            for name, joint in self.mechanism.pairs.items()
-        }
         parts = {
-            name: pairs.residual(self.mechanism.pairs[name], seen.R, seen.p)
-            for name, seen in found.items()
+            name: pairs.residual(joint, seen[name].R, seen[name].p)
+            for name, joint in self.mechanism.pairs.items()
         }
         return {name: (parts | gears)[name] for name in self.mechanism.joints}
 
     def coordinates(self, poses: Poses) -> np.ndarray:
         """Return all joint coordinates in the mechanism's order [m, rad]; quaternions with w >=
         0."""
+        return self._coordinates(self._seen(poses, self._rest))
+
+    def _coordinates(self, seen: Mapping[str, Relative]) -> np.ndarray:
         near, shown = {**self.mechanism.reference, **self.near}, [np.zeros(0)]
         for name, joint in self.mechanism.pairs.items():
-            seen = self._relative(joint, poses, self._rest)
-            shown.append(
-                pairs.coordinates(
-                    joint, seen.R, seen.p, [near.get(n, 0) for n in joint.coordinates(name)]
-                )
+            R, p, close = (
+                seen[name].R,
+                seen[name].p,
+                [near.get(n, 0) for n in joint.coordinates(name)],
             )
+            shown.append(pairs.coordinates(joint, R, p, close))
         return np.concatenate(shown)
 
     def motions(self, poses: Poses) -> np.ndarray:
@@ -270,8 +271,9 @@ class MaximalOracle:
     def inverse_dynamics(self, poses: Poses, twists: Twists, accelerations: Twists) -> np.ndarray:
         """Return the least actuator forces u that bring about the bodies' accelerations: N'F_a' u =
         N'(M t' - W ...)."""
-        M, applied = self._newton_euler(poses, twists, np.zeros(len(self.mechanism.actuators)))
-        N, S = self.motions(poses), self.rows(poses, twists).F[self._actuated]
+        seen, no_forces = self._seen(poses, twists), np.zeros(len(self.mechanism.actuators))
+        M, applied = self._newton_euler(poses, twists, no_forces, seen)
+        N, S = self.motions(poses), self._rows(seen).F[self._actuated]
         wanted = N.T @ (M @ self._stacked(accelerations) - applied)
         u = np.linalg.lstsq((S @ N).T, wanted, rcond=DEPENDENT)[0]
         require_small(
@@ -294,11 +296,11 @@ class MaximalOracle:
         ratio times that. Parts that dependent constraints leave open are the least ones.
         """
         _, multipliers, rows = self._dynamics(poses, twists, forces)
-        reactions = {}
+        reactions, relatives = {}, self._seen(poses, twists)
         for name, joint in self.mechanism.joints.items():
             own = multipliers[rows.owner == name]
             if isinstance(joint, PairJoint):
-                seen = self._relative(joint, poses, twists)
+                seen = relatives[name]
                 wrench = pairs.rows(joint, seen.R, seen.p)[1].T @ own
                 moment, force = wrench[:3] + pairs.cross(seen.p, wrench[3:]), wrench[3:]
                 own = np.concatenate([seen.R_1 @ moment, seen.R_1 @ force])
@@ -308,12 +310,13 @@ class MaximalOracle:
     def energy(self, poses: Poses, twists: Twists) -> tuple[float, float]:
         """Return the kinetic energy, rotors included, and the potential energy of weight and
         springs [J]."""
-        t, w = self._stacked(twists), self.rates(poses, twists)
+        t, seen = self._stacked(twists), self._seen(poses, twists)
+        w = self._rows(seen).F @ t
         kinetic, potential = t @ self._body_inertia(poses) @ t / 2, 0.0
         for name, body in self.mechanism.bodies.items():
             p, R = poses[name]
             potential -= body.mass * np.dot(self.mechanism.gravity, p + R @ body.centre_of_mass)
-        for freedom in self._freedoms(poses):
+        for freedom in self._freedoms(seen):
             kinetic += freedom.rotor * np.sum(w[freedom.rates] ** 2) / 2
             potential += freedom.spring.stiffness * np.sum(freedom.q**2) / 2
         for spring, _, stretch, _ in self._point_springs(poses, twists):
@@ -325,9 +328,10 @@ class MaximalOracle:
     ) -> float:
         """Return the rate of the energy: the actuators' power less what friction and dampers take
         [W]."""
-        w = self.rates(poses, twists)
+        seen = self._seen(poses, twists)
+        w = self._rows(seen).F @ self._stacked(twists)
         power = np.dot(np.asarray(forces, dtype=float), w[self._actuated])
-        for freedom in self._freedoms(poses):
+        for freedom in self._freedoms(seen):
             power -= resistance(freedom, w[freedom.rates]) @ w[freedom.rates]
         for spring, _, _, stretching in self._point_springs(poses, twists):
             power -= spring.damping * stretching**2
@@ -337,8 +341,9 @@ class MaximalOracle:
 
     def _dynamics(self, poses: Poses, twists: Twists, forces: Sequence[float] | np.ndarray):
         """Return t', the multipliers and the rows."""
-        rows, name = self.rows(poses, twists), self.mechanism.name
-        M, applied = self._newton_euler(poses, twists, forces)
+        seen, name = self._seen(poses, twists), self.mechanism.name
+        rows = self._rows(seen)
+        M, applied = self._newton_euler(poses, twists, forces, seen)
         inverse, N = pseudo_inverse(rows.A)
         given = -inverse @ rows.a
         require_small(
@@ -354,9 +359,12 @@ class MaximalOracle:
         t_dot = given + N @ y
         return t_dot, inverse.T @ (M @ t_dot - applied), rows
 
-    def _newton_euler(self, poses: Poses, twists: Twists, forces) -> tuple[np.ndarray, np.ndarray]:
+    def _newton_euler(
+        self, poses: Poses, twists: Twists, forces, seen: Mapping[str, Relative]
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return M + F'J F and W + F'(f - J b)."""
-        rows, M, w = self.rows(poses, twists), self._body_inertia(poses), self.rates(poses, twists)
+        rows, M = self._rows(seen), self._body_inertia(poses)
+        w = rows.F @ self._stacked(twists)
         applied, f, J = np.zeros(len(M)), np.zeros(len(w)), np.zeros(len(w))
         for i, (name, body) in enumerate(self.mechanism.bodies.items()):
             turn, shift = slice(6 * i, 6 * i + 3), slice(6 * i + 3, 6 * i + 6)
@@ -367,7 +375,7 @@ class MaximalOracle:
             applied -= D * (
                 spring.stiffness * (stretch - spring.rest_length) + spring.damping * stretching
             )
-        for freedom in self._freedoms(poses):
+        for freedom in self._freedoms(seen):
             f[freedom.rates] -= freedom.spring.stiffness * freedom.q + resistance(
                 freedom, w[freedom.rates]
             )
@@ -383,14 +391,15 @@ class MaximalOracle:
             M[6 * i + 3 : 6 * i + 6, 6 * i + 3 : 6 * i + 6] = body.mass * np.eye(3)
         return M
 
-    def _freedoms(self, poses: Poses):
+    def _freedoms(self, seen: Mapping[str, Relative]):
         """Yield every freedom with its effects; q is measured from the spring's rest."""
-        shown, done = dict(zip(self.mechanism.coordinates, self.coordinates(poses), strict=True)), 0
+        shown = dict(zip(self.mechanism.coordinates, self._coordinates(seen), strict=True))
+        done = 0
         for name, joint in self.mechanism.pairs.items():
             for freedom, own in joint.effects().items():
                 friction, spring, rotor = own.friction, own.spring, own.rotor
                 if freedom == "turn":
-                    q, width = pairs.logarithm(self._relative(joint, poses, self._rest).R), 3
+                    q, width = pairs.logarithm(seen[name].R), 3
                 else:
                     label = name if joint.coordinates(name) == (name,) else f"{name}.{freedom}"
                     q, width = np.array([shown[label] - spring.rest]), 1
@@ -416,10 +425,18 @@ class MaximalOracle:
 
     def rows(self, poses: Poses, twists: Twists) -> Rows:
         """Return the rows of all rates and all constraints, the gears' last."""
+        return self._rows(self._seen(poses, twists))
+
+    def _seen(self, poses: Poses, twists: Twists) -> dict[str, Relative]:
+        """Return by joint its second frame as the first sees it."""
+        joints = self.mechanism.pairs.items()
+        return {name: self._relative(joint, poses, twists) for name, joint in joints}
+
+    def _rows(self, relatives: Mapping[str, Relative]) -> Rows:
         size = 6 * len(self.mechanism.bodies)
         F, b, A, a, owner = np.zeros((0, size)), np.zeros(0), np.zeros((0, size)), np.zeros(0), []
         for name, joint in self.mechanism.pairs.items():
-            seen = self._relative(joint, poses, twists)
+            seen = relatives[name]
             free, held = pairs.rows(joint, seen.R, seen.p)
             beta = pairs.rest(joint, seen.R, seen.p, seen.s[:3], seen.s[3:])
             F, b = np.vstack([F, free @ seen.G]), np.append(b, free @ seen.g)
@@ -460,12 +477,12 @@ class MaximalOracle:
         o, V = self._point(body, frame.position, poses)
         W = np.zeros_like(V)
         if body == GROUND:
-            return pairs.exponential(frame.rotation), o, W, V, np.zeros(3)
+            return frame_turn(frame.rotation), o, W, V, np.zeros(3)
         k = 6 * self._order[body]
         W[:, k : k + 3] = np.eye(3)
         omega, v = twists[body]
         A = pairs.cross(omega, V @ self._stacked(twists) - v)  # omega x (omega x d)
-        return poses[body][1] @ pairs.exponential(frame.rotation), o, W, V, A
+        return poses[body][1] @ frame_turn(frame.rotation), o, W, V, A
 
     def _point(self, body: str, point, poses: Poses) -> tuple[np.ndarray, np.ndarray]:
         """Return a body's point in ground and the rows V of its velocity V t."""
@@ -486,7 +503,7 @@ class MaximalOracle:
         )
         side = joint.connects.index(body)
         (R_near, p_near), (R_far, p_far) = (
-            (pairs.exponential(joint.frames[i].rotation), np.array(joint.frames[i].position))
+            (frame_turn(joint.frames[i].rotation), np.array(joint.frames[i].position))
             for i in (1 - side, side)
         )
         R, p = (R_12, p_12) if side else (R_12.T, -R_12.T @ p_12)
@@ -519,6 +536,14 @@ class MaximalOracle:
             left @ t - right, right, f"{self.mechanism.name}: these rates do not go together"
         )
         return t
+
+
+@lru_cache(maxsize=4096)
+def frame_turn(rotation: tuple[float, float, float]) -> np.ndarray:
+    """Return the rotation matrix of a frame's rotation vector."""
+    R = pairs.exponential(rotation)
+    R.flags.writeable = False
+    return R
 
 
 def resistance(freedom: Freedom, w: np.ndarray) -> np.ndarray:

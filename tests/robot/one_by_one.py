@@ -26,11 +26,11 @@ def require_equal(members: Ensemble, runs: Sequence[lw.Run]) -> None:
         for name in ("nfev", "steps", "rejected"):
             assert getattr(members, name)[i] == getattr(run, name)
         for name in ("joint_position", "joint_rate", "tool_pose", "drive_state"):
-            if name in run.dataset:
-                given, reached = run.dataset[name].values, members.dataset[name].values[i]
+            if name in run.variables:
+                given, reached = run[name].values, members.dataset[name].values[i]
                 np.testing.assert_allclose(reached[: len(given)], given, rtol=1e-11, atol=1e-12)
                 assert np.isnan(reached[len(given) :]).all()
-        if "event" in run.dataset.coords:
+        if "event" in run.coords:
             names, times = zip(*members.events(i), strict=True) if members.events(i) else ((), ())
-            assert list(names) == run.dataset.event.values.tolist()
-            np.testing.assert_allclose(times, run.dataset.event_time.values, rtol=1e-12)
+            assert list(names) == run.coords["event"].values.tolist()
+            np.testing.assert_allclose(times, run.coords["event_time"].values, rtol=1e-12)

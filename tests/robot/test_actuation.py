@@ -25,8 +25,8 @@ def test_underactuated_forward_dynamics_and_runs(actuators):
     forces = [0.7] * len(actuators)
     Seen.of(robot, state).agree(forces, 1e-12)
     run = robot.simulate(state, forces, duration=0.5, rtol=1e-10, atol=1e-12)
-    turned = run.dataset["joint_position"].values[:, 1] - 0.3
-    energy = run.dataset["kinetic_energy"].values + run.dataset["potential_energy"].values
+    turned = run["joint_position"].values[:, 1] - 0.3
+    energy = run["kinetic_energy"].values + run["potential_energy"].values
     close(energy - energy[0], 0.7 * len(actuators) * turned, 1e-8)
 
 
@@ -231,7 +231,7 @@ def test_a_rod_keeps_its_spin(spinning):
     run = spinning.simulate(state, [0.1], duration=0.5, rtol=1e-10, atol=1e-12, save_at=times)
     spins = []
     for positions, rates in zip(
-        run.dataset["joint_position"].values, run.dataset["joint_rate"].values, strict=True
+        run["joint_position"].values, run["joint_rate"].values, strict=True
     ):
         named = dict(zip(spinning.rates, rates, strict=True))
         there = spinning.state(positions, {name: named[name] for name in spinning.independent})

@@ -74,7 +74,7 @@ def test_a_ball_bounces_off_a_corner_along_the_line_between():
     n = np.array([1.0, 2.0, 2.0]) / 3
     robot = on_floor(box, gravity=(0, 0, 0), stiffness=1e5, restitution=0.6, impact_rate=1.5)
     run = ran(robot, at(robot, (R + 0.1) * n, -1.5 * n), 0.3)
-    close(run.dataset["joint_rate"].values[-1, :3], 0.9 * n, 1e-6)
+    close(run["joint_rate"].values[-1, :3], 0.9 * n, 1e-6)
 
 
 def test_a_box_rests_on_a_box_by_its_corners():
@@ -85,7 +85,7 @@ def test_a_box_rests_on_a_box_by_its_corners():
     robot = on_floor(lower, ball=upper, stiffness=1e5, exponent=1.0)
     depth = m * g / 4e5
     run = ran(robot, at(robot, (0.1, 0.2, 0.1 - depth)), 0.05)
-    force = run.dataset["contact_force"].values[-1]
+    force = run["contact_force"].values[-1]
     assert force.shape == (16, 3)
     close(np.sort(force[:, 2]), [0.0] * 12 + [m * g / 4] * 4, 1e-7)
     tilted = robot.state([0.1, 0.2, 0.08, *np.array([0.99, 0.05, -0.08, 0.02]) / 0.9948])
@@ -106,7 +106,7 @@ def test_corners_of_the_fixed_box_meet_faces_of_the_free_one():
     robot = on_floor(lower, ball=lw.Box(size=(1.0, 1.0, 0.1)), stiffness=1e5, exponent=1.0)
     depth = m * g / 4e5
     run = ran(robot, at(robot, (0, 0, 0.05 - depth)), 0.05)
-    close(run.dataset["joint_position"].values[-1, :3], [0, 0, 0.05 - depth], 1e-9)
+    close(run["joint_position"].values[-1, :3], [0, 0, 0.05 - depth], 1e-9)
 
 
 def test_points_meet_a_box():

@@ -43,7 +43,7 @@ def require_the_same(members: Ensemble, runs: Sequence[lw.Run]) -> None:
         for name in ("nfev", "steps", "rejected", "pivot"):
             assert getattr(members, name)[i] == getattr(run.statistics, name)
         for name in ("joint_position", "joint_rate", "tool_pose"):
-            own = run.dataset[name].values
+            own = run[name].values
             assert np.array_equal(members.dataset[name].values[i, : len(own)], own)
 
 

@@ -17,11 +17,11 @@ TIGHT = {"rtol": 1e-10, "atol": 1e-12}
 
 
 def positions(run: lw.Run) -> np.ndarray:
-    return run.dataset["joint_position"].values
+    return run["joint_position"].values
 
 
 def energy(run: lw.Run) -> np.ndarray:
-    return run.dataset["kinetic_energy"].values + run.dataset["potential_energy"].values
+    return run["kinetic_energy"].values + run["potential_energy"].values
 
 
 def require_smooth(run: lw.Run) -> None:
@@ -32,7 +32,7 @@ def require_smooth(run: lw.Run) -> None:
     h^5 / 720 q'''''.
     """
     h = np.diff(run.dataset["time"].values)[:, None]
-    w, a = run.dataset["joint_rate"].values, run.dataset["joint_acceleration"].values
+    w, a = run["joint_rate"].values, run["joint_acceleration"].values
     step = h * (w[1:] + w[:-1]) / 2 + h**2 * (a[:-1] - a[1:]) / 12
     assert np.abs(np.diff(positions(run), axis=0) - step).max() < 1e-4
 
@@ -198,7 +198,7 @@ def test_bricard_keeps_its_energy_and_the_row_that_was_dropped():
     assert np.ptp(energy(run)) < 1e-8 * np.abs(energy(run)).max()
     assert run.closure_error < 1e-12
     for index in (7, 20):
-        rates = dict(zip(robot.rates, run.dataset["joint_rate"].values[index], strict=True))
+        rates = dict(zip(robot.rates, run["joint_rate"].values[index], strict=True))
         state = robot.state(positions(run)[index], {"hinge_2": rates["hinge_2"]})
         Seen.of(robot, state).agree([0.0], 1e-9)
 
@@ -248,7 +248,7 @@ def test_stepping_over_bifurcations_keeps_the_smooth_branch(ladder):
     start = ladder.home.with_rates([-1.0])
     run = ladder.simulate(start, duration=10.0, on_singular="step_over", save_at=times, **TIGHT)
     assert run.status is lw.Status.FINISHED
-    angle, rate = positions(run)[1:, 0], run.dataset["joint_rate"].values[1:, 0]
+    angle, rate = positions(run)[1:, 0], run["joint_rate"].values[1:, 0]
     close(np.transpose([np.cos(angle), np.sin(angle)]), list(N_FOUR_BAR.values()), 1e-6)
     close(
         rate[-1] * np.array([-np.sin(angle[-1]), np.cos(angle[-1])]),

@@ -62,7 +62,7 @@ def test_what_is_zero_up_to_rounding_determines_nothing(noise):
         for one in (robot, exact)
     ]
     assert all(run.status is lw.Status.FINISHED for run in runs)
-    ends = [run.dataset["joint_position"].values[-1] for run in runs]
+    ends = [run["joint_position"].values[-1] for run in runs]
     assert np.allclose(*ends, atol=1e-7)
     assert runs[0].attrs["charts"] == runs[1].attrs["charts"]
 
@@ -96,5 +96,5 @@ def test_no_chart_is_left_for_rates_that_determine_the_motion_worse(name, seed):
     taken = changes(robot.simulate(start, duration=1.0))
     times = [time for time, *_ in taken]
     run = robot.simulate(start, duration=times[-1], save_at=times)
-    for q, (time, left, now) in zip(run.dataset["joint_position"].values, taken, strict=True):
+    for q, (time, left, now) in zip(run["joint_position"].values, taken, strict=True):
         assert determined(robot, q, now) > determined(robot, q, left), (time, left, now)

@@ -41,7 +41,7 @@ def at(robot: lw.Robot, position, rates=(0.0, 0.0, 0.0), turning=(0.0, 0.0, 0.0)
 def ran(robot: lw.Robot, state: lw.State, duration: float, **options) -> lw.Run:
     run = robot.simulate(state, duration=duration, **TIGHT | options)
     assert run.status is lw.Status.FINISHED, run.message
-    close(run.dataset["energy_balance"].values, np.zeros(len(run.dataset.time)), 1e-8)
+    close(run["energy_balance"].values, np.zeros(len(run.time)), 1e-8)
     return run
 
 
@@ -69,10 +69,10 @@ def test_a_ball_bounces_off_a_wall_that_stands_askew(exchanged):
     along = np.cross(n, [1.0, 2.0, 3.0])
     start = np.array(wall.position) + (R + 0.2) * n
     run = ran(robot, at(robot, start, along - 2.0 * n), 0.4)
-    close(run.dataset["joint_rate"].values[-1, :3], along + 1.4 * n, 1e-6)
-    close(run.dataset["joint_rate"].values[-1, 3:], np.zeros(3), 1e-12)
+    close(run["joint_rate"].values[-1, :3], along + 1.4 * n, 1e-6)
+    close(run["joint_rate"].values[-1, 3:], np.zeros(3), 1e-12)
     assert list(run.coords["event"].values) == ["wall: contact begins", "wall: contact ends"]
-    force = run.dataset["contact_force"].values[:, 0]
+    force = run["contact_force"].values[:, 0]
     outwards = -1 if exchanged else 1
     assert (outwards * force @ n).max() > 10 and (outwards * force @ n).min() > -1e-12
 
@@ -90,13 +90,13 @@ def test_a_ball_slides_and_then_rolls():
     times = np.array([0.3 * stops, 0.9 * stops, 1.1 * stops, 1.5 * stops])
     start = at(robot, (0, 0, R - depth), (v_0, 0, 0))
     run = ran(robot, start, times[-1], save_at=times)
-    v, w = run.dataset["joint_rate"].values[:, 0], run.dataset["joint_rate"].values[:, 4]
+    v, w = run["joint_rate"].values[:, 0], run["joint_rate"].values[:, 4]
     slip = v - h * w
     expected = v_0 - share * mu * g * times
     close(slip[:2], expected[:2], 1e-6)
     close(v[2:], np.full(2, v_0 * (1 - 1 / share)), 1e-6)
     close(slip[2:], np.zeros(2), 1e-6)
-    force = run.dataset["contact_force"].values[:, 0]
+    force = run["contact_force"].values[:, 0]
     close(force[:2], np.array([[-mu * m * g, 0, m * g]] * 2), 1e-6)
 
 
@@ -129,7 +129,7 @@ def test_a_block_stops_where_friction_has_taken_its_energy():
     way = v / (g * (0.3 + 0.2 * np.exp(-((v / 0.4) ** 2))))
     stops = np.trapezoid(np.where(v > 0, way / np.where(v > 0, v, 1), 1 / (g * 0.5)), v)
     run = ran(robot, state, 1.2 * stops, save_at=np.array([0.0, 1.2 * stops]))
-    went = run.dataset["joint_position"].sel(coordinate="xy.x").values[-1]
+    went = run["joint_position"].sel(coordinate="xy.x").values[-1]
     close(went, np.trapezoid(way, v), 2e-6)
 
 
@@ -277,9 +277,9 @@ def test_friction_and_stiffness_may_be_free():
         "floor.surfaces.1.radius": 0.12,
     }
     ends = [
-        robot.simulate(at(robot, (0, 0, 0.2), (1.0, 0, 0)), duration=0.3, parameters=given, **TIGHT)
-        .dataset["joint_position"]
-        .values[-1]
+        robot.simulate(
+            at(robot, (0, 0, 0.2), (1.0, 0, 0)), duration=0.3, parameters=given, **TIGHT
+        )["joint_position"].values[-1]
         for robot, given in ((free, values_), (other, {}))
     ]
     close(*ends, 1e-8)
@@ -294,7 +294,7 @@ def test_members_of_an_ensemble_bounce_as_they_do_alone():
     for member in range(3):
         alone = robot.simulate(states.at(member), duration=0.5, save_at=times)
         found = together.dataset["joint_position"].values[member]
-        close(found, alone.dataset["joint_position"].values, 1e-12)
+        close(found, alone["joint_position"].values, 1e-12)
 
 
 @pytest.mark.parametrize(

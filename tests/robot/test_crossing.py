@@ -84,9 +84,9 @@ def test_a_run_may_end_on_the_way_over_a_singular_pose(robot, end):
     run = robot.simulate(robot.home.with_rates([RATE]), duration=end, save_at=times, **OVER)
     assert run.status is lw.Status.FINISHED
     assert run.attrs["final_time"] == end
-    assert np.array_equal(run.dataset.time.values, times)
-    assert np.allclose(run.dataset.joint_position.values, angles(times), atol=1e-8)
-    assert np.allclose(run.dataset.joint_rate.values, RATE * np.array([1, -1, 1, 1]), atol=1e-8)
+    assert np.array_equal(run.time, times)
+    assert np.allclose(run["joint_position"].values, angles(times), atol=1e-8)
+    assert np.allclose(run["joint_rate"].values, RATE * np.array([1, -1, 1, 1]), atol=1e-8)
     assert len(run.singular_times) == (2 if end > POSES[1] else 1) or end == POSES[1]
     rest = robot.resume(run, duration=0.5, **OVER)
     if end == POSES[1]:  # from the pose itself all branches go out
@@ -94,7 +94,7 @@ def test_a_run_may_end_on_the_way_over_a_singular_pose(robot, end):
         return
     assert rest.status is lw.Status.FINISHED
     assert np.allclose(
-        rest.dataset.joint_position.values[-1], angles(np.array([end + 0.5]))[0], atol=1e-7
+        rest["joint_position"].values[-1], angles(np.array([end + 0.5]))[0], atol=1e-7
     )
 
 
@@ -113,13 +113,11 @@ def test_what_happens_on_the_way_over_a_singular_pose_is_found(robot, at, direct
     assert run.status is lw.Status.EVENT
     assert "ended by the event 'beyond'" in run.message
     expected = [time, time + 1e-3 / 3] if direction <= 0 else [time + 1e-3 / 3]
-    assert np.allclose(run.dataset.event_time.values, expected, atol=1e-8)
+    assert np.allclose(run.coords["event_time"].values, expected, atol=1e-8)
     assert run.attrs["final_time"] == pytest.approx(expected[-1], abs=1e-8)
-    assert np.allclose(
-        run.dataset.joint_position.values[:, 0], START + RATE * run.dataset.time.values, atol=1e-8
-    )
-    assert run.dataset.time.values[-1] == pytest.approx(expected[-1], abs=1e-3)
-    assert np.allclose(np.diff(run.dataset.time.values), 1e-3)
+    assert np.allclose(run["joint_position"].values[:, 0], START + RATE * run.time, atol=1e-8)
+    assert run.time[-1] == pytest.approx(expected[-1], abs=1e-3)
+    assert np.allclose(np.diff(run.time), 1e-3)
 
 
 def test_members_get_every_requested_time_as_alone(robot):
@@ -176,11 +174,11 @@ def test_samples_of_a_ladder_under_its_weight_keep_its_energy_and_close_its_loop
     run = ladder.simulate(start, duration=10.0, save_at=times, rtol=1e-10, atol=1e-12, **OVER)
     many = ladder.ensemble(start, duration=10.0, save_at=times, rtol=1e-10, atol=1e-12, **OVER)
     require_equal(many, [run])
-    assert np.array_equal(run.dataset.time.values, times)
+    assert np.array_equal(run.time, times)
     assert len(run.singular_times) == len(many.singular_times(0)) == 10
-    energy = (run.dataset.kinetic_energy + run.dataset.potential_energy).values
+    energy = (run["kinetic_energy"] + run["potential_energy"]).values
     assert np.ptp(energy) < 1e-7 * np.abs(energy).max()
-    cranks = run.dataset.joint_position.values[
+    cranks = run["joint_position"].values[
         :, [ladder.coordinates.index(f"pivot_{i}") for i in range(3)]
     ]
     assert np.allclose(cranks, cranks[:, :1], atol=1e-8)

@@ -142,7 +142,7 @@ def test_balance_through_singular_poses():
     run = ladder.simulate(start, duration=3.0, on_singular="step_over", save_at=[0.0, 1.0, 3.0])
     assert run.success
     assert relative(run.dataset) < 1e-6
-    assert run.dataset.conditioning.dims == ("time",)
+    assert run["conditioning"].dims == ("time",)
 
 
 def test_stiff_runs_keep_their_balance():
@@ -158,7 +158,7 @@ def test_stiff_runs_keep_their_balance():
 def test_conditioning_without_a_task_is_what_the_actuators_see_of_the_worst_motion():
     """1 where every joint is driven; of one freedom the crank's part of the length of all rates."""
     robot = arm()
-    assert (robot.simulate(robot.home, duration=0.5).dataset.conditioning == 1).all()
+    assert (robot.simulate(robot.home, duration=0.5)["conditioning"] == 1).all()
     robot = built("four_bar")
     data = robot.simulate(robot.home.with_rates([3.0]), duration=1.0).dataset
     rates = data.joint_rate.sel(rate=list(robot.equations.tree.rates)).values
@@ -212,7 +212,7 @@ def test_a_sampled_controller_s_work_is_known_however_seldom_it_is_saved(compile
     sampler = lw.control.Sampler(law, rate=50, delay=0.04, compiled=compiled)
     every = robot.simulate(robot.home, sampler, duration=0.5)
     assert relative(every.dataset) < 1e-6
-    assert float(np.abs(every.dataset.work).max()) > 1e-3
+    assert float(np.abs(every["work"]).max()) > 1e-3
     times = [0.01, 0.3, 0.47]
     seldom = robot.simulate(robot.home, sampler, duration=0.5, save_at=times)
     assert seldom.coords["time"].values.tolist() == times
@@ -221,10 +221,10 @@ def test_a_sampled_controller_s_work_is_known_however_seldom_it_is_saved(compile
         robot.simulate(robot.home, sampler, duration=0.31), sampler, duration=0.19, save_at=[0.5]
     )
     whole, part = (
-        run.dataset.work.values[-1]
+        run["work"].values[-1]
         for run in (every, robot.simulate(robot.home, sampler, duration=0.31))
     )
-    close(later.dataset.work.values, np.array([whole - part]), 1e-7)
+    close(later["work"].values, np.array([whole - part]), 1e-7)
 
 
 def test_a_sampled_controller_s_work_across_changes_of_chart():
@@ -291,8 +291,8 @@ def test_a_stiff_run_has_a_balance_however_seldom_it_is_saved(method):
     run = robot.simulate(
         robot.home.with_rates([1.5]), duration=50.0, method=method, save_at=[0.0, 50.0]
     )
-    assert run.dataset.work.values[-1] == pytest.approx(-2.25, abs=1e-7)
-    assert np.isfinite(run.dataset.energy_balance.values).all()
+    assert run["work"].values[-1] == pytest.approx(-2.25, abs=1e-7)
+    assert np.isfinite(run["energy_balance"].values).all()
     assert relative(run.dataset) < 1e-7
 
 
@@ -304,7 +304,7 @@ def test_a_balance_that_is_not_known_is_told(monkeypatch):
     nothing = property(lambda states: np.full(len(states.y), np.nan))
     monkeypatch.setattr(SavedStates, "power", nothing)
     with pytest.warns(UserWarning, match=r"energy balance, is not known \(nan\) from t = "):
-        assert np.isnan(run.dataset.energy_balance.values[-1])
+        assert np.isnan(run["energy_balance"].values[-1])
 
 
 def test_the_balance_is_known_where_a_step_ends_beyond_a_weak_place():
@@ -324,4 +324,4 @@ def test_the_balance_is_known_where_a_step_ends_beyond_a_weak_place():
         start, [1.8267566, -3.0783319], duration=0.3, method="rk4", step=0.3 / 400, save_at=times
     )
     assert "; from " in run.attrs["charts"]
-    assert np.abs(run.dataset["energy_balance"].values).max() < 1e-3
+    assert np.abs(run["energy_balance"].values).max() < 1e-3

@@ -70,9 +70,9 @@ def dropped() -> tuple[lw.Robot, lw.Run]:
 def test_the_loop_stays_closed_and_the_energy_is_kept(dropped):
     robot, run = dropped
     assert "foot: contact begins" in run.coords["event"].values
-    assert robot.mobility == 8 and run.dataset["contact_power"].values.min() < -0.1
-    assert run.dataset["closure_error"].values.max() < 1e-13 * robot.size
-    close(run.dataset["energy_balance"].values, 0 * TIMES, 1e-8)
+    assert robot.mobility == 8 and run["contact_power"].values.min() < -0.1
+    assert run["closure_error"].values.max() < 1e-13 * robot.size
+    close(run["energy_balance"].values, 0 * TIMES, 1e-8)
 
 
 def test_it_is_the_leg_with_the_same_force_written_by_hand(dropped):
@@ -117,7 +117,7 @@ def test_it_is_the_leg_with_the_same_force_written_by_hand(dropped):
         rtol=1e-10,
         atol=1e-12,
     )
-    found, expected = (one.dataset["joint_position"].values for one in (run, other))
+    found, expected = (one["joint_position"].values for one in (run, other))
     close(found, expected, 1e-7)
 
 
@@ -151,7 +151,7 @@ def test_it_moves_as_in_mujoco_under_the_same_compliance(dropped, tmp_path):
             mujoco.mj_step(model, data)
         places.append(data.body(trunk).xpos.copy())
     names = ["float.x", "float.z"]
-    found = run.dataset["joint_position"].sel(coordinate=names).values
+    found = run["joint_position"].sel(coordinate=names).values
     close(found, np.array(places)[:, [0, 2]], 5e-5)
 
 

@@ -34,7 +34,7 @@ def motion(robot: lw.Robot, state: lw.State, times=TIMES) -> np.ndarray:
     """Return the coordinates of all joints at times of a free run."""
     run = robot.simulate(state, duration=times[-1], save_at=times, **TIGHT)
     assert run.status is lw.Status.FINISHED, run.message
-    return run.dataset["joint_position"].values
+    return run["joint_position"].values
 
 
 def oscillation(
@@ -156,8 +156,8 @@ def test_a_spring_winds_up_alike_in_the_tree_and_where_it_closes_a_loop():
         }
         robot = lw.Robot(plain.model_copy(update={"joints": joints}))
         run = robot.simulate(robot.home.with_rates([12.0]), duration=1.5, **TIGHT)
-        ends.append(run.dataset["joint_position"].values[-1])
-        energy = run.dataset["kinetic_energy"].values + run.dataset["potential_energy"].values
+        ends.append(run["joint_position"].values[-1])
+        energy = run["kinetic_energy"].values + run["potential_energy"].values
         close(energy, energy[0] * np.ones_like(energy), 1e-9)
     assert ends[0][0] > 2 * np.pi
     close(ends[1], ends[0], 1e-6)
@@ -194,7 +194,7 @@ def test_a_block_that_friction_holds_creeps():
     robot = block(10.0, 0.02)
     share = 2 * g * np.sin(SLOPE) / 10.0
     run = robot.simulate(robot.home, duration=1.0)
-    close(run.dataset["joint_rate"].values[-1], [0.02 * share / np.sqrt(1 - share**2)], 1e-7)
+    close(run["joint_rate"].values[-1], [0.02 * share / np.sqrt(1 - share**2)], 1e-7)
 
 
 def test_friction_takes_the_energy_that_is_lost():

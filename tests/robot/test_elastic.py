@@ -31,7 +31,7 @@ actuators: [hip]
 def ran(robot: lw.Robot, state: lw.State, forces=None, **options) -> lw.Run:
     run = robot.simulate(state, forces, **TIGHT | options)
     assert run.status is lw.Status.FINISHED, run.message
-    close(run.dataset["energy_balance"].values, np.zeros(len(run.dataset.time)), 1e-8)
+    close(run["energy_balance"].values, np.zeros(len(run.dataset.time)), 1e-8)
     return run
 
 
@@ -54,8 +54,8 @@ def test_an_elastic_arm_moves_by_spong_s_equations():
     start = robot.state({"hip": 0.2, "hip motor": 0.25})
     run = ran(robot, start, lambda t, state: [2 * lw.math.sin(3 * t)], duration=1.0)
     expected = solve_ivp(slopes, (0, 1), [0.2, 0.25, 0, 0], rtol=1e-12, atol=1e-13).y[:, -1]
-    close(run.dataset["joint_position"].values[-1], expected[:2], 1e-8)
-    close(run.dataset["joint_rate"].values[-1], expected[2:], 1e-7)
+    close(run["joint_position"].values[-1], expected[:2], 1e-8)
+    close(run["joint_rate"].values[-1], expected[2:], 1e-7)
 
 
 def test_motors_in_a_closed_loop():
@@ -72,7 +72,7 @@ def test_motors_in_a_closed_loop():
         f"{name} motor" for name in mechanism.actuators
     }
     run = ran(robot, robot.home.with_rates(np.full(4, 0.5)), [0.2, -0.1], duration=0.3)
-    assert run.dataset["closure_error"].values.max() < 1e-13 * robot.size
+    assert run["closure_error"].values.max() < 1e-13 * robot.size
 
 
 def test_a_joint_behind_its_spring_is_not_driven():
@@ -133,7 +133,7 @@ def test_wheels_with_backlash():
     assert list(run.coords["event"].values) == [
         f"mesh: {side} stop {what}" for side in ("upper", "lower") for what in ("begins", "ends")
     ]
-    rates = run.dataset["joint_rate"].values[-1]
+    rates = run["joint_rate"].values[-1]
     close(np.array(inertias) @ (rates / radii * [1, -1]), inertias[0] / radii[0], 1e-9)
 
 

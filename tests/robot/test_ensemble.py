@@ -74,7 +74,7 @@ def test_each_member_has_its_signal(prr3):
         prr3.assemble(tool=[[0.5, 0.28, 1.2], [0.5, 0.3, 1.2]]), signals[1], duration=0.4, save_at=T
     )
     again = prr3.simulate(prr3.assemble(tool=[0.5, 0.28, 1.2]), signals[1], duration=0.4, save_at=T)
-    np.testing.assert_allclose(one.dataset.tool_pose[0], again.dataset.tool_pose, rtol=1e-12)
+    np.testing.assert_allclose(one.dataset.tool_pose[0], again["tool_pose"], rtol=1e-12)
 
 
 def test_forces_by_name(prr3):

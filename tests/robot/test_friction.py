@@ -44,7 +44,7 @@ def test_a_block_comes_to_rest_where_and_when_friction_has_taken_its_energy(rate
     assert run.success
     assert run.attrs["method"].startswith("Sharp-Smart 7(6), from 1")
     assert run.attrs["method"].endswith("s Rodas5P")
-    x, w = run.dataset.joint_position.values[:, 0], run.dataset.joint_rate.values[:, 0]
+    x, w = run["joint_position"].values[:, 0], run["joint_rate"].values[:, 0]
     assert x[-1] == pytest.approx(stopping(v, rate), abs=1e-8)
     assert w[0] == pytest.approx(v / 2, abs=1e-3 * rate + 1e-8)
     assert 0 <= w[1] < 2 * rate  # at the time m v / F nearly all of it is gone
@@ -57,15 +57,15 @@ def test_a_block_that_is_pushed_less_than_friction_bears_creeps():
     robot, u, rate = block(1e-6), 2.0, 1e-6
     creep = rate * u / np.sqrt(COULOMB**2 - u**2)
     run = robot.simulate(robot.home.with_rates([0.3]), [u], duration=2.0)
-    assert run.dataset.joint_rate.values[-1, 0] == pytest.approx(creep, rel=1e-6)
+    assert run["joint_rate"].values[-1, 0] == pytest.approx(creep, rel=1e-6)
     pulled = lw.Sampled(np.array([0.0, 2.0, 4.0]), np.array([u, 5.0, 5.0]), "hold")
     whole = robot.simulate(robot.home.with_rates([0.3]), pulled, duration=4.0)
-    assert whole.dataset.joint_rate.values[-1, 0] == pytest.approx(
+    assert whole["joint_rate"].values[-1, 0] == pytest.approx(
         2.0 * (5.0 - COULOMB) / MASS, rel=1e-5
     )
     later = robot.resume(run, [5.0], duration=2.0)
-    assert later.dataset.joint_position.values[-1, 0] == pytest.approx(
-        whole.dataset.joint_position.values[-1, 0], rel=1e-8
+    assert later["joint_position"].values[-1, 0] == pytest.approx(
+        whole["joint_position"].values[-1, 0], rel=1e-8
     )
 
 
@@ -78,7 +78,7 @@ def test_members_of_an_ensemble_come_to_rest_as_they_do_alone():
     for i in range(4):
         alone = robot.simulate(starts.at(i), duration=3.0, max_steps=5000, save_at=[0.05, 2.9])
         assert (found.steps[i], found.nfev[i]) == (alone.steps, alone.nfev)
-        close(found.dataset.joint_position.values[i], alone.dataset.joint_position.values, 1e-15)
+        close(found.dataset.joint_position.values[i], alone["joint_position"].values, 1e-15)
 
 
 @pytest.mark.parametrize("compiled", [False, True])
@@ -88,7 +88,7 @@ def test_a_block_under_a_sampled_controller_comes_to_rest(compiled):
     run = robot.simulate(robot.home.with_rates([1.0]), law, duration=20.0, max_steps=50_000)
     assert run.success
     assert "Rodas5P" in run.attrs["method"]
-    assert abs(run.dataset.joint_rate.values[-1, 0]) < 1e-6
+    assert abs(run["joint_rate"].values[-1, 0]) < 1e-6
 
 
 def test_a_pendulum_with_dry_friction_stops_off_its_lowest_point():
@@ -141,7 +141,7 @@ def test_a_stiff_damper_is_met_by_the_stiff_method_too():
         robot.home, forces, duration=1.0, save_at=[1.0], method="rodas", rtol=1e-10, atol=1e-12
     )
     assert "Rodas5P" in own.attrs["method"]
-    close(own.dataset.joint_position.values, asked.dataset.joint_position.values, 1e-6)
+    close(own["joint_position"].values, asked["joint_position"].values, 1e-6)
     explicit = robot.simulate(robot.home, forces, duration=1.0, save_at=[1.0], method="sharp_smart")
     assert explicit.attrs["method"] == "Sharp-Smart 7(6)"
     assert own.steps < explicit.steps / 2

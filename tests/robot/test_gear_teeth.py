@@ -82,17 +82,17 @@ def test_what_the_gear_takes_is_in_runs_and_their_balance():
     )
     u = {"motor": 0.1, "drum": -10.0}
     run = robot.simulate(start, u, duration=1.5, rtol=1e-10, atol=1e-12)
-    drum = run.dataset["joint_rate"].sel(rate="drum").values
+    drum = run["joint_rate"].sel(rate="drum").values
     assert drum[0] > 0.9 and drum[-1] < -0.9  # up, and back
-    close(run.dataset["energy_balance"].values, np.zeros(len(run.time)), 1e-8)
-    lost = run.dataset["friction_power"].sel(rate="drum").values
+    close(run["energy_balance"].values, np.zeros(len(run.time)), 1e-8)
+    lost = run["friction_power"].sel(rate="drum").values
     assert lost.min() < -1.0 and lost.max() <= 0.0
     states = robot.state(np.tile(robot.home.positions, (9, 1)))
     fixed = {"motor": 0.2, "drum": -10.0}
     many = robot.ensemble(states, fixed, duration=0.5, samples=3)
     alone = robot.simulate(robot.home, fixed, duration=0.5, samples=3)
     found = many.dataset["joint_position"].values[4]
-    close(found, alone.dataset["joint_position"].values, 1e-9)
+    close(found, alone["joint_position"].values, 1e-9)
 
 
 def test_steps_end_where_the_load_turns_round():
@@ -138,10 +138,10 @@ def test_a_worm_holds_its_load_and_is_driven_down():
     robot = hoist("motor", 1.3, rate=1e-3, bristle=bristle)
     options = {"method": "rodas", "rtol": 1e-11, "atol": 1e-13}
     held = robot.simulate(robot.home, {"drum": -20.0}, duration=0.5, **options)
-    assert abs(held.dataset["joint_rate"].values[-1]).max() < 1e-6
+    assert abs(held["joint_rate"].values[-1]).max() < 1e-6
     down = robot.simulate(robot.home, {"drum": -20.0, "motor": -1.0}, duration=0.5, **options)
-    assert down.dataset["joint_rate"].sel(rate="drum").values[-1] < -0.1
-    close(down.dataset["energy_balance"].values, np.zeros(len(down.time)), 1e-8)
+    assert down["joint_rate"].sel(rate="drum").values[-1] < -0.1
+    close(down["energy_balance"].values, np.zeros(len(down.time)), 1e-8)
 
 
 def test_reactions_have_the_friction_of_teeth_and_journals_in_one_joint():

@@ -47,7 +47,7 @@ def test_a_run_through_the_point_keeps_the_closed_form():
     run = robot.simulate(robot.state([0.3]), duration=2, save_at=time)
     assert run.success
     expected = 0.3 * np.cos(np.sqrt(STIFFNESS / MASS) * time)
-    assert np.abs(run.dataset.joint_position.values[:, 0] - expected).max() < 1e-6
+    assert np.abs(run["joint_position"].values[:, 0] - expected).max() < 1e-6
 
 
 def test_an_arm_whose_tip_is_where_the_spring_is_fixed_only_falls():
@@ -107,7 +107,7 @@ def test_a_mass_that_is_drawn_through_the_other_end_keeps_its_energy():
     """V = k (|x| - l_0)^2 / 2 has a kink at 0, where the speed is that of the energy."""
     robot = on_slide(SPRING.model_copy(update={"rest_length": 0.1}))
     run = robot.simulate(robot.state([0.3]), duration=2, save_at=np.linspace(0, 2, 41))
-    x, v = run.dataset.joint_position.values[:, 0], run.dataset.joint_rate.values[:, 0]
+    x, v = run["joint_position"].values[:, 0], run["joint_rate"].values[:, 0]
     assert run.success and x.min() < -0.29
     energy = MASS * v**2 / 2 + STIFFNESS * (abs(x) - 0.1) ** 2 / 2
     assert np.abs(energy - STIFFNESS * 0.2**2 / 2).max() < 1e-5

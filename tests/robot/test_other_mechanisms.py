@@ -35,14 +35,14 @@ def test_a_pendulum_through_every_method():
         robot.tool_pose(state), [0.4 * np.cos(0.7), 0.4 * np.sin(0.7), 0.7], atol=1e-15
     )
     run = robot.simulate(state, duration=0.5, rtol=1e-10, atol=1e-12)
-    energy = (run.dataset["kinetic_energy"] + run.dataset["potential_energy"]).values
+    energy = (run["kinetic_energy"] + run["potential_energy"]).values
     assert np.ptp(energy) < 1e-9
 
 
 def test_turns_of_a_tree_joint_between_samples_far_apart_are_counted():
     robot = lw.Robot(pendulum().model_copy(update={"gravity": (0, 0, 0)}))
     run = robot.simulate(robot.home.with_rates([20.0]), duration=1.0, save_at=[0, 0.5, 1.0])
-    assert np.allclose(run.dataset["joint_position"].values[:, 0], [0, 10, 20], atol=1e-7)
+    assert np.allclose(run["joint_position"].values[:, 0], [0, 10, 20], atol=1e-7)
 
 
 def test_turns_of_a_joint_that_closes_a_loop_do_not_depend_on_the_times_that_are_saved():
@@ -59,12 +59,12 @@ def test_turns_of_a_joint_that_closes_a_loop_do_not_depend_on_the_times_that_are
     ends = []
     for times in (None, [0.0, 1.0]):
         run = robot.simulate(start, duration=1.0, save_at=times)
-        named = dict(zip(robot.coordinates, run.dataset["joint_position"].values.T, strict=True))
+        named = dict(zip(robot.coordinates, run["joint_position"].values.T, strict=True))
         total = (
             named["crank_pivot"] + named["crank_pin"] - named["rocker_pivot"] + named["rocker_pin"]
         )
         assert np.abs(total - total[0]).max() < 1e-9
-        ends.append(run.dataset["joint_position"].values[-1])
+        ends.append(run["joint_position"].values[-1])
     assert ends[0][1] > 12
     assert np.abs(ends[1] - ends[0]).max() < 1e-6
 
@@ -139,7 +139,7 @@ def test_following_a_path_that_turns_in_space():
     run = robot.simulate(
         motion.state.at(0), forces, duration=1.0, rtol=1e-9, atol=1e-11, save_at=[1.0]
     )
-    assert np.allclose(run.dataset["tool_pose"].values[-1], motion.tool[-1], atol=1e-6)
+    assert np.allclose(run["tool_pose"].values[-1], motion.tool[-1], atol=1e-6)
 
 
 def test_an_angle_a_turn_on_is_the_same_pose_and_keeps_its_turn():
@@ -181,12 +181,10 @@ def test_a_floating_robot_without_loops_falls_freely_and_keeps_its_angular_momen
         start, torques, duration=1.0, save_at=[0.0, 0.4, 1.0], rtol=1e-10, atol=1e-12
     )
     assert run.status is lw.Status.FINISHED
-    named = [
-        dict(zip(robot.rates, rates, strict=True)) for rates in run.dataset["joint_rate"].values
-    ]
+    named = [dict(zip(robot.rates, rates, strict=True)) for rates in run["joint_rate"].values]
     states = [
         robot.state(positions, {name: rates[name] for name in robot.independent})
-        for positions, rates in zip(run.dataset["joint_position"].values, named, strict=True)
+        for positions, rates in zip(run["joint_position"].values, named, strict=True)
     ]
     linear, angular = np.transpose([momenta(robot, state) for state in states], (1, 0, 2))
     mass = 2.0 + 0.5 * legs
@@ -198,9 +196,7 @@ def test_a_floating_robot_without_loops_falls_freely_and_keeps_its_angular_momen
     assert np.allclose(ensemble.final.at(0).positions, states[-1].positions, atol=1e-9)
     halves = [robot.simulate(start, torques, duration=0.5, rtol=1e-10, atol=1e-12)]
     halves.append(robot.resume(halves[0], torques, duration=0.5, rtol=1e-10, atol=1e-12))
-    assert np.allclose(
-        halves[1].dataset["joint_position"].values[-1], states[-1].positions, atol=1e-9
-    )
+    assert np.allclose(halves[1]["joint_position"].values[-1], states[-1].positions, atol=1e-9)
 
 
 def momenta(robot, state):

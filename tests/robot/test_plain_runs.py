@@ -73,7 +73,7 @@ def test_a_chart_is_chosen_once_for_a_pose_that_runs_come_to_again(monkeypatch):
     first = runs[0].dataset
     for run in runs[1:]:
         assert run.attrs["charts"] == runs[0].attrs["charts"]
-        assert all(np.array_equal(first[name], run.dataset[name]) for name in first)
+        assert all(np.array_equal(first[name], run[name]) for name in first)
     assert robot.once.cache_info().maxsize == MOST_KEPT
 
 

@@ -69,7 +69,7 @@ def test_a_quantity_of_the_table_is_shown_in_the_report_and_in_the_viewer(square
     assert "Squares." in text and "Peaks of the squared rate" in text
     assert squares in traces.quantities(run)
     shown = traces.traces(run, squares, robot.actuators)
-    np.testing.assert_array_equal(shown.values.T, run.dataset["joint_rate"].values[:, :3] ** 2)
+    np.testing.assert_array_equal(shown.values.T, run["joint_rate"].values[:, :3] ** 2)
 
 
 def test_a_quantity_of_the_table_is_asked_for_in_studies(squares):
@@ -94,7 +94,7 @@ def test_quantities_see_the_forces_of_each_member(monkeypatch, forces):
     found = robot.ensemble(robot.home, given, duration=0.2, save_at=TIMES).dataset["pushed"].values
     for member, own in enumerate(given):
         run = robot.simulate(robot.home, own, duration=0.2, save_at=TIMES)
-        np.testing.assert_array_equal(found[member], run.dataset["actuator_force"].values)
+        np.testing.assert_array_equal(found[member], run["actuator_force"].values)
 
 
 def test_only_runs_tell_what_follows_from_them_as_a_whole(monkeypatch):
@@ -102,7 +102,7 @@ def test_only_runs_tell_what_follows_from_them_as_a_whole(monkeypatch):
     monkeypatch.setitem(QUANTITIES, whole.name, whole)
     robot = built("pendulum")
     run = robot.simulate(robot.home, duration=0.2, save_at=TIMES)
-    np.testing.assert_array_equal(run.dataset["share"].values, TIMES / 0.2)
+    np.testing.assert_array_equal(run["share"].values, TIMES / 0.2)
     assert "share" not in robot.ensemble(robot.home, None, duration=0.2, save_at=TIMES).dataset
 
 

@@ -151,7 +151,7 @@ def test_actuator_singular_configurations_are_named_and_runs_pass_them():
     run = robot.simulate(robot.home.with_rates([1.0]), duration=1.0)
     assert run.status is lw.Status.FINISHED
     crank, slide = (
-        run.dataset["joint_position"].values[:, robot.coordinates.index(name)]
+        run["joint_position"].values[:, robot.coordinates.index(name)]
         for name in ("crank", "slide")
     )
     assert crank[0] > 0.4

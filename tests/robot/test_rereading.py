@@ -15,7 +15,7 @@ TIGHT = {"rtol": 1e-10, "atol": 1e-12}
 
 
 def energy(run: lw.Run) -> np.ndarray:
-    return run.dataset["kinetic_energy"].values + run.dataset["potential_energy"].values
+    return run["kinetic_energy"].values + run["potential_energy"].values
 
 
 @pytest.fixture(scope="module")
@@ -34,8 +34,8 @@ def stopped(five):
 
 def at_the_end(robot: lw.Robot, run: lw.Run, names: tuple[str, ...]) -> lw.State:
     """Return the last state of a run in rates of the given names."""
-    rates = dict(zip(robot.rates, run.dataset["joint_rate"].values[-1], strict=True))
-    still = robot.state(run.dataset["joint_position"].values[-1])
+    rates = dict(zip(robot.rates, run["joint_rate"].values[-1], strict=True))
+    still = robot.state(run["joint_position"].values[-1])
     return robot.in_chart(still, names).with_rates([rates[name] for name in names])
 
 
@@ -51,7 +51,7 @@ def test_a_run_that_ended_at_an_actuator_singular_pose_is_resumed_as_if_it_had_n
     rest = robot.resume(run, duration=0.3, **TIGHT)
     assert rest.status is lw.Status.FINISHED
     assert np.allclose(energy(rest), energy(stopped)[0], rtol=1e-7)
-    ends = [part.dataset["joint_position"].values[-1] for part in (rest, whole)]
+    ends = [part["joint_position"].values[-1] for part in (rest, whole)]
     assert np.allclose(*ends, atol=1e-6)
 
 

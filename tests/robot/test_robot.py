@@ -214,11 +214,9 @@ def test_simulation_returns_to_the_prescribed_motion(robot):
     )
     assert run.status is lw.Status.FINISHED
     assert run.closure_error < 1e-12
-    found = run.dataset["joint_position"].values
+    found = run["joint_position"].values
     assert np.abs(found - motion.positions).max() < 1e-7
-    assert (
-        np.abs(run.dataset["joint_acceleration"].values - motion.joint_accelerations).max() < 1e-4
-    )
+    assert np.abs(run["joint_acceleration"].values - motion.joint_accelerations).max() < 1e-4
 
 
 def test_energy_of_force_free_runs(robot):
@@ -230,7 +228,7 @@ def test_energy_of_force_free_runs(robot):
         start = robot.assemble(tool=pose).with_rates(0.03 * random.normal(size=3))
         run = robot.simulate(start, duration=1.0, rtol=1e-10, atol=1e-12)
         assert run.status is lw.Status.FINISHED
-        energy = run.dataset["kinetic_energy"].values + run.dataset["potential_energy"].values
+        energy = run["kinetic_energy"].values + run["potential_energy"].values
         assert np.abs(energy - energy[0]).max() < 1e-10 * abs(energy[0])
         assert run.closure_error < 1e-12
 

@@ -111,7 +111,8 @@ def test_along_a_run_and_at_its_end(robot):
     run = robot.simulate(start, u, duration=0.2, rtol=1e-10, atol=1e-12, save_at=times)
     assert run.status is lw.Status.FINISHED, run.message
     assert run.closure_error < 1e-12
-    data = {name: run.dataset[name].values for name in run.dataset}
+    told = ("joint_position", "joint_rate", "joint_acceleration")
+    data = {name: run[name].values for name in (*told, "kinetic_energy", "potential_energy")}
     seen = []
     for positions, rates in zip(data["joint_position"], data["joint_rate"], strict=True):
         named = dict(zip(robot.rates, rates, strict=True))

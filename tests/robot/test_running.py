@@ -38,9 +38,7 @@ def test_a_pendulum_swings_alike_by_all_methods(robot, method):
         robot.home, duration=0.5, save_at=[0.0, 0.5], method="dop853", rtol=1e-12, atol=1e-13
     )
     bound = 2e-3 if method == "symplectic_euler" else 1e-6
-    np.testing.assert_allclose(
-        run.dataset.joint_position[-1], best.dataset.joint_position[-1], atol=bound
-    )
+    np.testing.assert_allclose(run["joint_position"][-1], best["joint_position"][-1], atol=bound)
 
 
 @pytest.mark.parametrize(
@@ -145,16 +143,16 @@ def test_a_resumed_run_keeps_the_parameters_of_the_robot(tmp_path):
     robot = robot.free(mass)
     heavy = 1 / 3 + robot.parameters[mass]
     run = robot.simulate(robot.home, duration=0.2, parameters={mass: heavy})
-    whole = robot.simulate(
-        robot.home, duration=0.4, parameters={mass: heavy}
-    ).dataset.kinetic_energy.values[-1]
+    whole = robot.simulate(robot.home, duration=0.4, parameters={mass: heavy})[
+        "kinetic_energy"
+    ].values[-1]
     loaded = lw.simulation.Run.load(run.save(tmp_path / "run.nc"))
     for before in (run, loaded):
         rest = robot.resume(before, duration=0.2)
         assert rest.attrs["parameters"] == run.attrs["parameters"]
-        np.testing.assert_allclose(rest.dataset.kinetic_energy.values[-1], whole, rtol=1e-6)
+        np.testing.assert_allclose(rest["kinetic_energy"].values[-1], whole, rtol=1e-6)
         light = robot.resume(before, duration=0.2, parameters={mass: 0.5 * heavy})
-        np.testing.assert_allclose(light.dataset.kinetic_energy.values[-1], 0.5 * whole, rtol=1e-6)
+        np.testing.assert_allclose(light["kinetic_energy"].values[-1], 0.5 * whole, rtol=1e-6)
 
 
 def test_a_run_without_actuators_is_saved_loaded_and_resumed(tmp_path):
@@ -164,10 +162,10 @@ def test_a_run_without_actuators_is_saved_loaded_and_resumed(tmp_path):
     run = robot.simulate(robot.home, duration=0.2)
     run.save(tmp_path / "run.nc")
     loaded = lw.Run.load(tmp_path / "run.nc")
-    assert loaded.dataset["actuator_force"].shape == run.dataset["actuator_force"].shape
+    assert loaded.dataset["actuator_force"].shape == run["actuator_force"].shape
     assert loaded.dataset.sizes == run.dataset.sizes
     assert "without_elements" not in loaded.dataset.attrs
     whole = robot.simulate(robot.home, duration=0.4, rtol=1e-10)
     resumed = robot.resume(loaded, duration=0.2, rtol=1e-10)
-    last = [one.dataset["joint_position"].values[-1] for one in (resumed, whole)]
+    last = [one["joint_position"].values[-1] for one in (resumed, whole)]
     np.testing.assert_allclose(*last, atol=1e-5)

@@ -34,7 +34,7 @@ def test_one_quantity_is_given_without_measuring_another(robot, monkeypatch):
     assert not measured
     found = run["joint_position"]
     assert measured == ["joint_position"]
-    assert found.identical(run.dataset["joint_position"])
+    assert found.identical(run["joint_position"])
     assert found.sel(coordinate="slide_2").attrs["units"] == "m, rad"
 
 

@@ -34,7 +34,7 @@ def hard(stiffness: float) -> lw.Bristle:
 def ran(robot: lw.Robot, state: lw.State, forces=None, **options) -> lw.Run:
     run = robot.simulate(state, forces, **TIGHT | options)
     assert run.status is lw.Status.FINISHED, run.message
-    close(run.dataset["energy_balance"].values, np.zeros(len(run.dataset.time)), 1e-8)
+    close(run["energy_balance"].values, np.zeros(len(run.time)), 1e-8)
     return run
 
 
@@ -54,9 +54,9 @@ def test_a_mass_on_a_spring_sticks_where_coulomb_s_law_says():
     robot, times = slide(k, coulomb=F, bristle=hard(1e12)), np.array([0.1, 0.3, 0.5, 0.7, 1.5, 4.0])
     run = ran(robot, robot.state([0.33]), duration=4.0, save_at=times, method="rodas")
     expected = [half_by_half(0.33, t) for t in times]
-    close(run.dataset["joint_position"].values[:, 0], expected, 2e-6)
-    close(run.dataset["joint_rate"].values[-2:], np.zeros((2, 1)), 1e-12)
-    assert abs(run.dataset["drive_state"].sel(extra="x.bristle").values[-1]) < F
+    close(run["joint_position"].values[:, 0], expected, 2e-6)
+    close(run["joint_rate"].values[-2:], np.zeros((2, 1)), 1e-12)
+    assert abs(run["drive_state"].sel(extra="x.bristle").values[-1]) < F
 
 
 def pulled(static: float, V: float, t: float) -> float:
@@ -89,7 +89,7 @@ def test_a_stick_slip_oscillator_tends_to_coulomb_s():
             method="rodas",
         )
         expected = [pulled(static, V, t) for t in times]
-        errors.append(np.abs(run.dataset["joint_position"].values[:, 0] - expected).max())
+        errors.append(np.abs(run["joint_position"].values[:, 0] - expected).max())
     assert errors[0] < 4e-3 and errors[1] < errors[0] / 4
 
 
@@ -115,9 +115,9 @@ def test_a_stick_slip_oscillator_goes_as_its_own_equations_say():
         return [w, (k * (V * t - x) - b - bristle.damping * bend) / MASS, stiffness * bend]
 
     exact = solve_ivp(slope, (0, 0.9), np.zeros(3), "Radau", times, rtol=1e-8, atol=1e-11)
-    close(run.dataset["joint_position"].values[:, 0], exact.y[0], 1e-6)
-    close(run.dataset["joint_rate"].values[:, 0], exact.y[1], 1e-6)
-    assert run.dataset["joint_rate"].values.max() > V
+    close(run["joint_position"].values[:, 0], exact.y[0], 1e-6)
+    close(run["joint_rate"].values[:, 0], exact.y[1], 1e-6)
+    assert run["joint_rate"].values.max() > V
 
 
 def test_a_bristle_bends_as_the_rate_goes_steadily():
@@ -139,7 +139,7 @@ def test_a_bristle_bends_as_the_rate_goes_steadily():
     times = np.linspace(0.01, 0.5, 6)
     run = robot.simulate(robot.home.with_rates([w]), duration=0.5, save_at=times, **TIGHT)
     expected = D * (1 - np.exp(-stiffness * w * times / D))
-    close(run.dataset["drive_state"].values[:, 0], expected, 1e-8)
+    close(run["drive_state"].values[:, 0], expected, 1e-8)
 
 
 def test_a_single_state_has_the_friction_of_steady_sliding():
@@ -164,11 +164,11 @@ def test_a_ball_joint_sticks():
     for moment, sticks in ((0.45, True), (0.55, False)):
         push = lw.control.Wrench("body", moment=tuple(moment * axis))
         run = ran(robot, robot.home, duration=0.5, wrenches=[push])
-        rate = run.dataset["joint_rate"].values[-1]
+        rate = run["joint_rate"].values[-1]
         close(rate, 0 * axis if sticks else (axis @ rate) * axis, 1e-8)
         assert sticks or axis @ rate > 1.0
         if sticks:
-            close(run.dataset["drive_state"].values[-1], moment * axis, 1e-6)
+            close(run["drive_state"].values[-1], moment * axis, 1e-6)
 
 
 @pytest.mark.parametrize(("slope", "sticks"), [(0.29, True), (0.31, False)])
@@ -197,7 +197,7 @@ def test_a_block_on_a_slope_stays_or_slides(slope, sticks):
     run = ran(robot, at(robot, (0, 0, -depth)), duration=1.0, method="rodas")
     name = "joint_rate" if sticks else "joint_acceleration"
     expected = 0.0 if sticks else g * (np.sin(slope) - mu * np.cos(slope))
-    close(run.dataset[name].values[-1], [expected, 0, 0, 0, 0, 0], 1e-8)
+    close(run[name].values[-1], [expected, 0, 0, 0, 0, 0], 1e-8)
 
 
 def test_a_block_goes_round_with_a_turntable():
@@ -226,7 +226,7 @@ def test_a_block_goes_round_with_a_turntable():
     start = robot.state([0, radius, 0, -depth, 1, 0, 0, 0])
     start = start.with_rates([rate, 0, rate * radius, 0, 0, 0, rate])
     run = robot.simulate(start, **TIGHT, duration=1.0, save_at=np.array([0.5, 1.0]), method="rodas")
-    q = run.dataset["joint_position"].values
+    q = run["joint_position"].values
     seen = (q[:, 1] + 1j * q[:, 2]) * np.exp(-1j * q[:, 0])
     bend = rate**2 * radius / g / bristle.stiffness
     close(seen.real, np.full(2, radius + bend), 1e-6)
@@ -241,7 +241,7 @@ def test_a_ball_rolls_on_without_creeping():
     depth = (m * g / 1e6) ** (1 / 1.5)
     h = 0.1 - depth / 2
     run = ran(robot, at(robot, (0, 0, 0.1 - depth), (2.0, 0, 0)), duration=0.6, method="rodas")
-    rates = run.dataset["joint_rate"].values[-1]
+    rates = run["joint_rate"].values[-1]
     close(rates[[0, 4]], np.array([h, 1]) * 2.0 / h / (1 + I / (m * h**2)), 1e-6)
     assert len(robot.names.strains) == 1
 
@@ -253,7 +253,7 @@ def test_a_resumed_run_goes_on_with_its_bristles():
     half = robot.simulate(start, duration=0.2, **options)
     rest = robot.resume(half, duration=0.2, **options)
     for name in ("joint_position", "drive_state"):
-        close(rest.dataset[name].values[-1], whole.dataset[name].values[-1], 1e-8)
+        close(rest[name].values[-1], whole[name].values[-1], 1e-8)
 
 
 def test_members_in_lanes_stick_as_they_do_alone():
@@ -264,7 +264,7 @@ def test_members_in_lanes_stick_as_they_do_alone():
         alone = robot.simulate(states.at(member), duration=0.3, save_at=times)
         for name in ("joint_position", "drive_state"):
             found = together.dataset[name].values[member]
-            close(found, alone.dataset[name].values, 1e-7)
+            close(found, alone[name].values, 1e-7)
 
 
 @pytest.mark.parametrize(
@@ -288,8 +288,8 @@ def test_reactions_of_a_slide_that_sticks():
     found, accelerations = run.reactions(frame="second").values[:, 0], run.dataset
     close(found[:, 3], MASS * accelerations["joint_acceleration"].values[:, 0], 1e-9)
     close(found[-1, [0, 1, 2, 4, 5]], [0, 0, 0, 0, MASS * 9.81], 1e-9)
-    held = run.dataset["drive_state"].values[-1, 0]
-    close(held, -k * run.dataset["joint_position"].values[-1, 0], 1e-9)
+    held = run["drive_state"].values[-1, 0]
+    close(held, -k * run["joint_position"].values[-1, 0], 1e-9)
     assert 0.1 < abs(held) < F and abs(found[-1, 3]) < 1e-9
 
 
@@ -314,7 +314,7 @@ def test_reactions_beside_a_contact_that_sticks():
     found = run.reactions().values[:, 0]
     close(found[:, 3], np.zeros(11), 1e-9)
     close(found[:, 5], np.full(11, m * g - 1e5 * 0.0005), 1e-9)
-    assert abs(run.dataset["joint_rate"].values[-1, 0]) < 1e-6
+    assert abs(run["joint_rate"].values[-1, 0]) < 1e-6
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ def slide(stop: lw.Stop, gravity: float = 0.0, **fields) -> lw.Robot:
 def ran(robot: lw.Robot, state: lw.State, duration: float, **options) -> lw.Run:
     run = robot.simulate(state, duration=duration, **TIGHT | options)
     assert run.status is lw.Status.FINISHED, run.message
-    close(run.dataset["energy_balance"].values, np.zeros(len(run.dataset.time)), 1e-8)
+    close(run["energy_balance"].values, np.zeros(len(run.time)), 1e-8)
     return run
 
 
@@ -78,7 +78,7 @@ def test_a_ball_bounces_on_a_spring():
     lowest = robot.simulate(
         robot.state([height]), duration=1.0, save_at=np.array([(touches + leaves) / 2]), **TIGHT
     )
-    close(lowest.dataset["joint_position"].values[0], [-depth], 1e-8)
+    close(lowest["joint_position"].values[0], [-depth], 1e-8)
 
 
 def test_a_slide_goes_to_and_fro_between_its_limits():
@@ -106,7 +106,7 @@ def test_a_free_turn_comes_back_from_its_stop():
     )
     axis = np.array([2.0, -1.0, 2.0]) / 3
     run = ran(robot, robot.home.with_rates(3 * axis), 0.6)
-    close(run.dataset["joint_rate"].values[-1], -1.8 * axis, 1e-6)
+    close(run["joint_rate"].values[-1], -1.8 * axis, 1e-6)
     assert run.coords["event"].values[0] == "ball.turn: upper stop begins"
 
 
@@ -127,8 +127,8 @@ def test_a_stop_in_a_closed_loop():
         "begins",
         "ends",
     }
-    assert run.dataset["closure_error"].values.max() < 1e-13 * robot.size
-    q = run.dataset["joint_position"].sel(coordinate=name).values
+    assert run["closure_error"].values.max() < 1e-13 * robot.size
+    q = run["joint_position"].sel(coordinate=name).values
     assert q.max() < here + 0.2 and q.min() > here - 0.2
 
 
@@ -138,9 +138,9 @@ def test_where_a_stop_begins_may_be_free():
     robot = lw.Robot(slide(stop).mechanism, free=["z.stop.lower", "z.stop.stiffness"])
     other = slide(lw.Stop(lower=-0.05, stiffness=3e4, restitution=0.7))
     ends = [
-        one.simulate(one.state([0.1]).with_rates([-1.0]), duration=0.5, parameters=values, **TIGHT)
-        .dataset["joint_position"]
-        .values[-1]
+        one.simulate(one.state([0.1]).with_rates([-1.0]), duration=0.5, parameters=values, **TIGHT)[
+            "joint_position"
+        ].values[-1]
         for one, values in (
             (robot, {"z.stop.lower": -0.05, "z.stop.stiffness": 3e4}),
             (other, {}),
@@ -157,7 +157,7 @@ def test_members_of_an_ensemble_run_as_they_do_alone():
     for member, height in enumerate(heights):
         alone = robot.simulate(robot.state(height), duration=0.6, save_at=times)
         found = together.dataset["joint_position"].values[member]
-        close(found, alone.dataset["joint_position"].values, 1e-12)
+        close(found, alone["joint_position"].values, 1e-12)
 
 
 def test_the_regressor_takes_a_pressed_stop_into_the_rest():
@@ -193,7 +193,7 @@ def test_an_event_of_ones_own_may_cut_steps():
     options = {"duration": 0.5, "save_at": np.linspace(0, 0.5, 11), **TIGHT}
     pushed = robot.simulate(robot.state([0.2]), wrenches=[push], events=[floor], **options)
     expected = stopped.simulate(stopped.state([0.2]), **options)
-    close(pushed.dataset["joint_position"].values, expected.dataset["joint_position"].values, 1e-8)
+    close(pushed["joint_position"].values, expected["joint_position"].values, 1e-8)
 
 
 @pytest.mark.parametrize(

@@ -223,9 +223,9 @@ def test_the_jacobian_of_a_relative_pose_is_that_of_its_values():
 def test_runs_tell_the_task_that_a_tool_states(arm):
     robot = Robot(scara(task=("x", "z", TurnAbout(), DistanceTo())))
     run = robot.simulate(robot.home, duration=0.1, save_at=[0.0, 0.05, 0.1])
-    told = run.dataset["task_position"]
+    told = run["task_position"]
     assert list(told["task"].values) == ["x", "z", "turn", "distance"]
-    states = robot.state(run.dataset["joint_position"].values)
+    states = robot.state(run["joint_position"].values)
     np.testing.assert_allclose(told, robot.task_values(states), atol=1e-12)
     assert "task_position" not in arm.simulate(arm.home, duration=0.1).dataset
 

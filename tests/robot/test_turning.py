@@ -63,10 +63,10 @@ def test_a_crank_turns_thousands_of_times(make):
     assert run.success, run.message
     energy = run.variables["kinetic_energy"].values + run.variables["potential_energy"].values
     close(energy / energy[0], np.ones(41), 1e-5)
-    turned = run.dataset["joint_position"].values[:, 0] / TURN
+    turned = run["joint_position"].values[:, 0] / TURN
     assert turned[-1] > 750 and (np.diff(turned) > 0).all()
     assert run.closure_error < 3e-13
-    for row in run.dataset["joint_position"].values[
+    for row in run["joint_position"].values[
         [20, 40]
     ]:  # rows have their turns, as far as doubles hold them
         assert robot.closure_error(robot.state(row)) < 1e-11
@@ -81,7 +81,7 @@ def test_millions_of_turns_at_the_start_change_nothing(crank):
     here = crank.simulate(spinning(crank, 62.8), **options)
     there = crank.simulate(crank.state(moved, [62.8]), **options)
     assert there.success, there.message
-    shift = there.dataset["joint_position"].values - here.dataset["joint_position"].values
+    shift = there["joint_position"].values - here["joint_position"].values
     close(shift, np.tile(TURN * k * np.array([1, -1, 0, 0]), (11, 1)), 2e-8)
 
 
@@ -94,9 +94,9 @@ def test_a_member_turns_as_it_does_alone(crank):
     for i in range(4):
         run = crank.simulate(stack.at(i), duration=4.0, save_at=times, rtol=1e-7, **MANY)
         np.testing.assert_array_equal(
-            many.dataset["joint_position"].values[i], run.dataset["joint_position"].values
+            many.dataset["joint_position"].values[i], run["joint_position"].values
         )
-        close(many.final["crank"][i], run.dataset["joint_position"].values[-1, 0], 1e-11)
+        close(many.final["crank"][i], run["joint_position"].values[-1, 0], 1e-11)
 
 
 @pytest.mark.parametrize("method", ["sharp_smart", "dormand_prince", "dop853", "rodas", "rk4"])
@@ -109,7 +109,7 @@ def test_a_free_wheel_turns_uniformly_for_ten_thousand_turns(method):
     run = robot.simulate(
         robot.state([0.25], [w]), duration=np.pi, save_at=times, method=method, **step
     )
-    found = run.dataset["joint_position"].values[:, 0]
+    found = run["joint_position"].values[:, 0]
     close(found, 0.25 + w * times, 1e-9)
     assert run.attrs["final_turns"] == pytest.approx(1e4, abs=50)
 
@@ -125,7 +125,7 @@ def test_a_run_goes_on_from_its_end_with_its_turns(crank, tmp_path):
     rest = crank.resume(loaded, duration=3.0 - float(part.attrs["final_time"]), rtol=1e-6)
     for name in ("final_q", "final_turns", "final_v"):
         np.testing.assert_array_equal(rest.attrs[name], whole_run.attrs[name])
-    ends = [run.dataset["joint_position"].values for run in (part, rest, whole_run)]
+    ends = [run["joint_position"].values for run in (part, rest, whole_run)]
     np.testing.assert_array_equal(ends[0][-1], ends[1][0])
     np.testing.assert_array_equal(ends[1][-1], ends[2][-1])
 
@@ -138,7 +138,7 @@ def test_a_spring_keeps_the_turns_that_wind_it_up():
     run = robot.simulate(
         robot.state([100 * TURN]), duration=5.0, save_at=times, rtol=1e-10, atol=1e-10
     )
-    close(run.dataset["joint_position"].values[:, 0], 100 * TURN * np.cos(2 * times), 1e-5)
+    close(run["joint_position"].values[:, 0], 100 * TURN * np.cos(2 * times), 1e-5)
     assert "final_turns" not in run.attrs
 
 
@@ -157,7 +157,7 @@ def test_a_controller_that_reads_an_angle_sees_its_turns():
 
     for forces in (law, PD({"hinge": goal}, kp=2.0, kd=2.0)):
         run = robot.simulate(robot.home, forces, duration=4.0, save_at=times, rtol=1e-10)
-        close(run.dataset["joint_position"].values[:, 0], exact, 1e-5)
+        close(run["joint_position"].values[:, 0], exact, 1e-5)
         assert "final_turns" not in run.attrs
     seen = []
 
@@ -178,7 +178,7 @@ def test_events_see_the_turns():
     run = robot.simulate(robot.state([0.0], [400.0]), duration=20.0, events=passed, max_step=0.1)
     assert run.status is lw.Status.EVENT
     assert run.attrs["final_time"] == pytest.approx(500 * TURN / 400.0, rel=1e-13)
-    assert run.dataset["joint_position"].values[-1, 0] == pytest.approx(500 * TURN, rel=1e-14)
+    assert run["joint_position"].values[-1, 0] == pytest.approx(500 * TURN, rel=1e-14)
 
 
 def test_a_geared_crank_closes_as_far_as_doubles_can():
@@ -196,7 +196,7 @@ def test_a_geared_crank_closes_as_far_as_doubles_can():
         spinning(robot, 2e4), duration=np.pi, save_at=[0.0, 1.0, np.pi], max_step=1e-3
     )
     assert run.success, run.message
-    q = run.dataset["joint_position"].values
+    q = run["joint_position"].values
     close(q, np.outer([0.0, 1.0, np.pi], [2e4, -1e4]), 1e-8)
     assert "final_turns" not in run.attrs
 
@@ -230,5 +230,5 @@ def test_only_hinges_without_spring_and_gear_are_wrapped(crank):
 def test_runs_below_the_span_are_those_without_counting(crank):
     """40 turns: up to there nothing is wrapped."""
     run = crank.simulate(spinning(crank, 60.0), duration=3.0)
-    assert np.abs(run.dataset["joint_position"].values).max() < SPAN
+    assert np.abs(run["joint_position"].values).max() < SPAN
     assert "final_turns" not in run.attrs

@@ -40,8 +40,8 @@ def test_a_run_stops_where_the_constraints_are_dependent_and_nowhere_else(seed):
     orders before them."""
     robot = built("delta")
     run = robot.simulate(moving(robot, seed), duration=1.0)
-    positions = run.dataset["joint_position"].values
-    energy = run.dataset["kinetic_energy"].values + run.dataset["potential_energy"].values
+    positions = run["joint_position"].values
+    energy = run["kinetic_energy"].values + run["potential_energy"].values
     assert np.ptp(energy) < 1e-4
     if seed == 3:
         assert run.status is lw.Status.FINISHED
@@ -129,9 +129,7 @@ def test_stacks_with_weak_orders_get_each_state_s_answers(stewart, turned):
 def test_a_run_starts_where_the_order_of_its_chart_is_weak(stewart, turned):
     run = stewart.simulate(turned[1], FORCES, duration=0.05, rtol=1e-10, atol=1e-12)
     assert run.status is lw.Status.FINISHED
-    assert np.allclose(
-        run.dataset["joint_rate"].values[0], stewart.joint_rates(turned[1]), atol=1e-9
-    )
+    assert np.allclose(run["joint_rate"].values[0], stewart.joint_rates(turned[1]), atol=1e-9)
 
 
 def test_a_state_whose_rates_do_not_determine_the_motion_is_refused_in_every_order(stewart, turned):
@@ -166,4 +164,4 @@ def test_only_poses_where_rank_is_lost_are_told_as_singular(seed):
     told = robot.simulate(start, **options).singular_times
     assert len(told) == (seed == 12)
     run = robot.simulate(start, **options, save_at=[0.0, *told])
-    assert all(least(robot, q) < 1e-9 for q in run.dataset["joint_position"].values[1:])
+    assert all(least(robot, q) < 1e-9 for q in run["joint_position"].values[1:])

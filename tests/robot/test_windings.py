@@ -30,7 +30,7 @@ def stewart():
 
 
 def angles(run: lw.Run) -> np.ndarray:
-    return run.dataset["joint_position"].values
+    return run["joint_position"].values
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_members_have_turns_of_their_own(bennett):
         close(many.final.positions[i], angles(alone)[-1], 1e-9)
     few = bennett.ensemble(states, duration=2.0, save_at=[1.3])
     close(
-        few.dataset["joint_position"].values[:, 0],
+        few.dataset.joint_position.values[:, 0],
         many.dataset["joint_position"].values[:, 65],
         1e-5,
     )
@@ -203,7 +203,7 @@ def test_events_follow_an_angle_through_its_turns(bennett):
     start, ahead = bennett.home.with_rates([20.0]), levels(bennett, "hinge_1", np.pi, 13)
     back = levels(bennett, "hinge_3", -np.pi, 13)
     run = bennett.simulate(start, duration=3.0, save_at=[3.0], events=[*ahead, *back])
-    found = run.dataset.event_time.values
+    found = run.coords["event_time"].values
     assert len(found) == 26
     close(found[::2], found[1::2], 1e-6)
     plain = bennett.simulate(start, duration=3.0, save_at=[3.0])
@@ -211,13 +211,15 @@ def test_events_follow_an_angle_through_its_turns(bennett):
     assert run.steps == plain.steps
     first = bennett.simulate(start, duration=1.3, events=back)
     rest = bennett.resume(first, duration=1.7, events=back)
-    parts = np.concatenate([part.dataset.event_time.values for part in (first, rest)])
+    parts = np.concatenate([part.coords["event_time"].values for part in (first, rest)])
     close(parts, found[1::2], 1e-5)
     members = bennett.ensemble(start.with_rates([20.0]), duration=3.0, events=back)
     close([time for _, time in members.events(0)], found[1::2], 1e-5)
     turned = bennett.state(bennett.home.positions - TURN * np.array([0, 0, 3, 0]), [20.0])
     later = bennett.simulate(turned, duration=3.0, events=back)
-    assert [str(name) for name in later.dataset.event.values] == [event.name for event in back[6:]]
+    assert [str(name) for name in later.coords["event"].values] == [
+        event.name for event in back[6:]
+    ]
 
 
 def test_events_on_a_joint_that_begins_whole_turns_away():
@@ -226,9 +228,9 @@ def test_events_on_a_joint_that_begins_whole_turns_away():
     state = robot.state(robot.home.positions + TURN * np.array([1, -2, 3, 2]), [1.0])
     level = float(state["rocker_pin"]) + 0.05
     run = robot.simulate(state, events=[lambda t, state: state["rocker_pin"] - level], duration=0.5)
-    (time,) = run.dataset.event_time.values
+    (time,) = run.coords["event_time"].values
     there = robot.simulate(state, duration=0.5, save_at=[time])
-    assert there.dataset["joint_position"].values[0, 3] == pytest.approx(level, abs=1e-7)
+    assert there["joint_position"].values[0, 3] == pytest.approx(level, abs=1e-7)
 
 
 @pytest.mark.parametrize("part", ["qw", "qx", "qy", "qz"])
@@ -236,12 +238,12 @@ def test_events_follow_a_quaternion_through_its_signs(part):
     robot = lw.Robot(lw.robots.spatial_slider_crank())
     start, name = robot.home.with_rates([40.0]), f"ball.{part}"
     fine = robot.simulate(start, duration=0.5, save_at=np.linspace(0, 0.5, 2001))
-    t, p = fine.dataset.time.values, angles(fine)[:, robot.coordinates.index(name)]
+    t, p = fine.time, angles(fine)[:, robot.coordinates.index(name)]
     level = float(np.quantile(p, 0.3702))
     run = robot.simulate(start, duration=0.5, events=[lambda t, state: state[name] - level])
     passed = np.flatnonzero((p[1:] - level) * (p[:-1] - level) < 0)
     assert len(passed) > 2
-    close(run.dataset.event_time.values, (t[passed] + t[passed + 1]) / 2, 2e-4)
+    close(run.coords["event_time"].values, (t[passed] + t[passed + 1]) / 2, 2e-4)
 
 
 @pytest.mark.parametrize("method", ["sharp_smart", "rodas", "rk4"])

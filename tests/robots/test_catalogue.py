@@ -77,7 +77,7 @@ def test_n_four_bar_swings_as_the_benchmark_says_until_the_singular_pose():
         atol=1e-13,
     )
     assert np.isclose(
-        run.dataset["joint_position"].sel(coordinate="pivot_0").values[-1],
+        run["joint_position"].sel(coordinate="pivot_0").values[-1],
         reference.y[0, -1],
         atol=1e-8,
     )
@@ -98,6 +98,6 @@ def test_bricard_keeps_its_energy_over_the_regular_part_of_its_motion():
     robot = lw.Robot(bricard())
     run = robot.simulate(robot.home, duration=0.6, rtol=1e-10, atol=1e-12)
     assert run.status is lw.Status.FINISHED
-    energy = (run.dataset["kinetic_energy"] + run.dataset["potential_energy"]).values
+    energy = (run["kinetic_energy"] + run["potential_energy"]).values
     assert np.ptp(energy) < 1e-8
     assert run.closure_error < 1e-12

@@ -190,19 +190,18 @@ def product(x):
 """
 
 
-@pytest.mark.parametrize(
-    ("user", "helper"),
-    [(USER, HELPER), (OPERATOR_USER, OPERATOR)],
-    ids=["a constant", "the code of an operator"],
-)
-def test_the_cache_is_renewed_when_another_file_changes(user, helper, tmp_path):
+def test_the_cache_is_renewed_when_another_file_changes(tmp_path):
     """An operator counts if its module's functions are used: nobody names operators."""
-    (tmp_path / "using.py").write_text(user)
+    pairs = {"constant": (USER, HELPER), "operator": (OPERATOR_USER, OPERATOR)}
+    for name, (user, _) in pairs.items():
+        (tmp_path / f"using_{name}.py").write_text(user.replace("helping", f"helping_{name}"))
+    script = "import using_constant, using_operator as other; "
+    script += "print(using_constant.product(1.0), other.product(1.0))"
     for factor in 2.0, 3.0, 3.0:
-        (tmp_path / "helping.py").write_text(helper.format(factor=factor))
-        script = "import using; print(using.product(1.0))"
+        for name, (_, helper) in pairs.items():
+            (tmp_path / f"helping_{name}.py").write_text(helper.format(factor=factor))
         done = finished("-B", "-c", script, cwd=tmp_path)
-        assert done.stdout == f"{factor:.1f}\n", done.stderr
+        assert done.stdout == f"{factor:.1f} {factor:.1f}\n", done.stderr
     assert done.stderr == ""
 
 

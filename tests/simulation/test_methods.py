@@ -63,7 +63,7 @@ def test_a_pair_that_is_listed_runs_alone_and_in_lanes(robot, listed):
     run = robot.simulate(robot.home, **options)
     assert run.success and run.attrs["method"] == "Bogacki-Shampine 3(2)"
     exact = robot.simulate(robot.home, duration=0.2, save_at=[0.1, 0.2], rtol=1e-12)
-    ours, theirs = (one.dataset.joint_position.values for one in (run, exact))
+    ours, theirs = (one["joint_position"].values for one in (run, exact))
     np.testing.assert_allclose(ours, theirs, atol=1e-4)
     many = robot.ensemble(robot.home, np.zeros((3, len(robot.actuators))), **options)
     assert in_lanes(many.members, BOGACKI_SHAMPINE)
