@@ -11,6 +11,7 @@ from linkwork.equations.cables import way
 from linkwork.formats import load, poses, save
 from linkwork.mechanism import Cable
 
+from tests.catalogue import WHOLE
 from tests.formats.test_mjcf_actuators import compared
 
 ARM = """<mujoco>
@@ -73,8 +74,8 @@ def test_the_energy_balance_knows_them(arm):
     robot = lw.Robot(load(arm).mechanism)
     run = robot.simulate(robot.home, [1.0, 0.3], duration=0.3, drives=robot.drives, rtol=1e-11)
     assert run.success
-    assert np.abs(run.dataset["energy_balance"]).max() < 1e-8 * np.abs(run.dataset["work"]).max()
-    assert np.isfinite(run.dataset["conditioning"]).all()
+    assert np.abs(run["energy_balance"]).max() < 1e-8 * np.abs(run["work"]).max()
+    assert np.isfinite(run["conditioning"]).all()
 
 
 def test_a_joint_brings_what_lifts_cables_and_thrusts_leave_it():
@@ -101,7 +102,9 @@ def test_a_cable_round_a_surface_has_the_length_that_mujoco_gives_it(kind, led):
     """Inside a surface MuJoCo finds where the cable touches to six digits, and so the length, which
     is least there, to twelve."""
     random, bent, far = np.random.default_rng(3), 0, {"beside": 1.6, "from_elsewhere": 1.1}
-    for _ in range(40):
+    for k in range(40):
+        if not WHOLE and k >= 20 and bent > 2:
+            break
         radius, quaternion = random.uniform(0.05, 0.3), random.normal(size=4)
         centre, (a, b) = random.normal(size=3) / 10, random.normal(size=(2, 3)) / 2
         away = random.normal(size=3)

@@ -13,6 +13,7 @@ from linkwork.mechanism import Body, Mechanism, MechanismError, RevoluteJoint
 from linkwork.mechanism.files import MAX_BYTES
 from linkwork.robots import prr3
 
+from tests.catalogue import WHOLE
 from tests.mechanism.descriptions import TRAPS, mechanisms
 
 ARM = """\
@@ -44,7 +45,7 @@ reference:
 """
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=25 if WHOLE else 10, deadline=None, suppress_health_check=list(HealthCheck))
 @given(mechanisms())
 def test_round_trip_of_any_mechanism(mechanism):
     with TemporaryDirectory() as folder:

@@ -12,6 +12,7 @@ from scipy.optimize import brentq, fsolve
 import linkwork as lw
 
 from tests.equations.evaluation import close
+from tests.products import first
 
 G = 9.81
 SHARP = 1e-7  # rate of smoothing, far below the rates here
@@ -60,11 +61,11 @@ def test_a_block_on_an_incline_holds_by_itself_below_the_angle_of_friction_and_s
     for angle, moves in ((0.25, False), (0.35, True)):
         robot = on_incline(angle, law)
         run = robot.simulate(robot.home, duration=1.0, method="rodas", rtol=1e-9, atol=1e-11)
-        x = run.dataset["joint_position"].values[-1, 0]
+        x = run["joint_position"].values[-1, 0]
         fall = G * (np.sin(angle) - 0.3 * np.cos(angle)) / 2
         assert abs(x + fall) < 0.01 * fall if moves else abs(x) < 1e-5
-        close(run.dataset["energy_balance"].values, 0 * run.time, 1e-8)
-        assert run.dataset["drive_state"].sizes["extra"] == 1
+        close(run["energy_balance"].values, 0 * run.time, 1e-8)
+        assert run["drive_state"].sizes["extra"] == 1
 
 
 def wedge(alpha: float, mu: float) -> lw.Robot:
@@ -121,8 +122,8 @@ def test_a_balanced_wheel_on_a_journal_runs_down_in_a_line():
     robot = wheel(0.0)
     run = robot.simulate(robot.home.with_rates([4.0]), duration=1.5, rtol=1e-10, atol=1e-12)
     slowing = 0.2 * 0.02 * 3.0 * G / 0.05
-    close(run.dataset["joint_rate"].values[:, 0], 4.0 - slowing * run.time, 1e-9)
-    close(run.dataset["energy_balance"].values, 0 * run.time, 1e-8)
+    close(run["joint_rate"].values[:, 0], 4.0 - slowing * run.time, 1e-9)
+    close(run["energy_balance"].values, 0 * run.time, 1e-8)
 
 
 def test_a_pendulum_on_a_journal_swings_down_as_its_own_equation_says():
@@ -152,8 +153,8 @@ def test_a_pendulum_on_a_journal_swings_down_as_its_own_equation_says():
         rtol=1e-11,
         atol=1e-12,
     )
-    close(run.dataset["joint_position"].values[:, 0], expected.y[0], 1e-8)
-    close(run.dataset["energy_balance"].values, 0 * run.time, 1e-8)
+    close(run["joint_position"].values[:, 0], expected.y[0], 1e-8)
+    close(run["energy_balance"].values, 0 * run.time, 1e-8)
 
 
 CRANK, ROD = 0.1, 0.35
@@ -258,19 +259,19 @@ def test_runs_keep_their_energy_and_members_run_as_they_do_alone():
     robot = slider_crank(rate=0.1)
     state = robot.home.with_rates([20.0])
     run = robot.simulate(state, duration=0.3, forces=[0.3], rtol=1e-12, atol=1e-13)
-    close(run.dataset["energy_balance"].values, 0 * run.time, 1e-8)
-    assert run.dataset["friction_power"].values.min() < -1.0
+    close(run["energy_balance"].values, 0 * run.time, 1e-8)
+    assert run["friction_power"].values.min() < -1.0
     starts = robot.assemble({"main": [0.7, 0.8, 0.9]}).with_rates([[20.0], [15.0], [-9.0]])
     asked: Any = {"duration": 0.3, "forces": [0.3], "rtol": 1e-9, "atol": 1e-11}
     asked["save_at"] = [0.1, 0.3]
     together = robot.ensemble(starts, **asked)
     alone = [robot.simulate(starts.at(k), **asked) for k in range(3)]
-    ends = [one.dataset["joint_rate"].values[-1] for one in alone]
+    ends = [one["joint_rate"].values[-1] for one in alone]
     close(together.dataset["joint_rate"].values[:, -1], ends, 1e-12)
 
 
 @pytest.mark.parametrize(
-    "name", ["spatial_slider_crank", "linear_delta", "rrr3", "andrews", "puma560"]
+    "name", first(3, ["spatial_slider_crank", "rrr3", "puma560", "linear_delta", "andrews"])
 )
 def test_what_bearings_carry_is_what_the_reactions_say(name):
     """M v' + C v + G - f - S' u = L' phi with phi of the wrenches that all joints balance bodies
@@ -358,8 +359,8 @@ def test_wrenches_from_outside_press_bearings():
     down = lw.control.Wrench("block", force=(0.0, -40.0, 0.0))
     run = robot.simulate(robot.home.with_rates([3.0]), duration=0.2, wrenches=[down])
     slowing = 0.3 * (G + 20.0)
-    close(run.dataset["joint_rate"].values[:, 0], 3.0 - slowing * run.time, 1e-6)
-    close(run.dataset["energy_balance"].values, 0 * run.time, 1e-8)
+    close(run["joint_rate"].values[:, 0], 3.0 - slowing * run.time, 1e-6)
+    close(run["energy_balance"].values, 0 * run.time, 1e-8)
     found = run.reactions(frame="first")
     along = found.sel(joint="x", component="force_x").values
     close(along, 0 * run.time - 0.3 * (2 * G + 40.0), 1e-6)
@@ -370,7 +371,7 @@ def test_a_controller_cancels_what_bearings_take():
     law = lw.control.ComputedTorque({"x": 1.0}, 4.0, 4.0, robot)
     run = robot.simulate(robot.home, duration=0.5, forces=law)
     expected = 1 - (1 + 2 * run.time) * np.exp(-2 * run.time)
-    close(run.dataset["joint_position"].values[:, 0], expected, 1e-8)
+    close(run["joint_position"].values[:, 0], expected, 1e-8)
 
 
 def horizontal() -> lw.Mechanism:
@@ -420,7 +421,7 @@ def test_runs_through_other_charts_and_free_numbers_have_the_same_friction():
         start = robot.in_chart(robot.assemble({"main": 0.7}), ("main",)).with_rates([25.0])
         run = robot.simulate(start, duration=0.5, save_at=[0.5], rtol=1e-10, atol=1e-12)
         other = crank.simulate(start, duration=0.5, save_at=[0.5], rtol=1e-10, atol=1e-12)
-        found, expected = (one.dataset["joint_position"].values[-1] for one in (run, other))
+        found, expected = (one["joint_position"].values[-1] for one in (run, other))
         assert expected[0] > 2 * np.pi
         close(found, expected, 1e-7)
     freed = crank.free(path)
@@ -430,7 +431,7 @@ def test_runs_through_other_charts_and_free_numbers_have_the_same_friction():
 
 
 @pytest.mark.filterwarnings("ignore:redundant rows stay open")
-@pytest.mark.parametrize("noise", [1e-14, 1e-12, 1e-9, 1e-8])
+@pytest.mark.parametrize("noise", first(2, [1e-14, 1e-8, 1e-12, 1e-9]))
 def test_axes_that_are_parallel_but_for_rounding_leave_nothing_open_that_counts(noise):
     """A linkage whose frames lean and lie aside by rounded numbers is the planar one."""
     described = slider_crank(rate=0.05).mechanism
