@@ -7,6 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from unittest.mock import patch
 
 import numpy as np
 from mujoco import rollout
@@ -15,6 +16,7 @@ import linkwork as lw
 from linkwork.lab.engines.mujoco import MujocoEngine, mj
 from linkwork.lab.engines.pinocchio import PinocchioEngine
 from linkwork.robots import prr3
+from linkwork.runs import side_by_side
 from linkwork.runs.ensemble import Ensemble
 from linkwork.threads import usable_processors
 
@@ -28,6 +30,9 @@ RTOL = 1e-8
 PER_RUN, SCALING = 2.0, 1.9
 BLOCK, CALLS = 4096, 1200  # states in a call, and calls, of each share of the kernel alone
 PUSH, ASIDE = 0.1, 0.01  # spread of the first slider's force, relative; forces on the others [N]
+HARD = 3.0, 5.0, 6.0, 10.0  # forces on the first slider [N] that lead through ever more charts
+FIRST = 0.5  # force on the first slider of the pushed second [N]
+SHORT, CHANGING = 0.5, 10.0  # duration of those runs [s], and what one of them may take [us]
 EQUAL_ERRORS = (1e-4, 1e-6, 1e-8)
 LINKWORK, ROLLOUT, PINOCCHIO = "Linkwork, ensemble", "MuJoCo RK4, rollout", "Pinocchio RK4, loop"
 EULER = "MuJoCo implicitfast, rollout"
@@ -40,6 +45,7 @@ class Sizes:
     rounds, settings."""
 
     members: int = 100_000
+    changing: int = 8_000
     rollouts: int = 64
     loops: int = 2
     rounds: int = 5
@@ -52,6 +58,9 @@ METHOD = f"""
     slider's by up to {100 * PUSH:g} %, and up to {ASIDE} N on the others; rtol {RTOL:.0e}, atol a
     hundredth of it. The time is that of `robot.ensemble`, called and returned, with the last states
     kept. Threads take turns in the same rounds; scaling is the ratio of the medians.
+
+    Runs of {SHORT} s under larger forces, {min(HARD)} to {max(HARD)} N on the first slider, come
+    near singular poses of their charts' rates and change these.
 
     The table is of one thread. MuJoCo: `mujoco.rollout`, whose threads run the compiled engine
     without Python, on the tree with soft constraints that are made stiff, by its Runge-Kutta method
@@ -79,7 +88,7 @@ def run(sizes: Sizes | None = None) -> Section:
     done = simulated(robot, task, forces, RTOL, cores)
     alone, together = (float(np.median(seconds[n])) for n in (1, cores))
     machine = float(np.median(seconds["kernel, 1"]) / np.median(seconds[f"kernel, {cores}"]))
-    curves = throughput(robot, task, sizes)
+    curves, charts = throughput(robot, task, sizes), changing(robot, task, sizes)
     figures = [
         Figure(f"{sizes.members} runs of 1 s, rtol 1e-8, one thread: per run", 1e6 * alone, "µs",
                PER_RUN, note=(
@@ -94,6 +103,7 @@ def run(sizes: Sizes | None = None) -> Section:
                "threads", machine, ""),
         Figure("members that did not reach their ends", float(len(done.failed)), "", 0.0),
         Figure("largest closure error", float(done.closure_error.max()), "m"),
+        *charts,
         *ratios(curves),
     ]  # fmt: skip
     raw = {
@@ -101,6 +111,32 @@ def run(sizes: Sizes | None = None) -> Section:
         "curves": {name: vars(curve) for name, (curve, _) in curves.items()},
     }
     return Section("Ensembles", METHOD, figures, raw, listing=Listing(COLUMNS, rows(curves)))
+
+
+def changing(robot: lw.Robot, task: Task, sizes: Sizes) -> list[Figure]:
+    """Time runs that change their charts on the way, on one thread, beside some that do not."""
+    pushes = {push: spread(task, sizes.changing) * (push / FIRST) for push in HARD}
+    calls = {
+        push: partial(
+            robot.ensemble, task.start, forces, duration=SHORT, rtol=RTOL, atol=runs.ATOL * RTOL,
+            threads=1,
+        )
+        for push, forces in pushes.items()
+    }  # fmt: skip
+    seconds = interleaved(
+        {push: Contender(call, sizes.changing) for push, call in calls.items()}, sizes.rounds
+    )
+    figures = []
+    for push, call in calls.items():
+        with patch.object(side_by_side, "integrated", wraps=side_by_side.integrated) as legs:
+            done = call()
+        changes = sum(leg.args[2].members.size for leg in legs.mock_calls) / sizes.changing - 1
+        figures.append(Figure(
+            f"{sizes.changing} runs of {SHORT} s, {push} N, {changes:.2f} changes of chart each, "
+            "one thread: per run", 1e6 * float(np.median(seconds[push])), "µs", CHANGING,
+            note=f"{done.nfev.mean():.0f} evaluations each",
+        ))  # fmt: skip
+    return figures
 
 
 def evaluated(robot: lw.Robot, task: Task, shares: int, threads: int) -> None:

@@ -94,7 +94,13 @@ def test_scipy_ends_near_the_run(robot):
 def test_the_ensemble_stands_beside_rollouts_and_loops():
     ensemble = pytest.importorskip("benchmarks.ensemble", reason="the engines are not installed")
     sizes = ensemble.Sizes(
-        members=40, rollouts=4, loops=1, rounds=1, tolerances=(1e-5, 1e-9), steps=(25, 100)
+        changing=32,
+        members=40,
+        rollouts=4,
+        loops=1,
+        rounds=1,
+        tolerances=(1e-5, 1e-9),
+        steps=(25, 100),
     )
     section = ensemble.run(sizes)
     found = {row[:2]: row for row in listed(section)}
