@@ -36,7 +36,7 @@ def starts(bench: Bench, values: np.ndarray) -> tuple[State, np.ndarray]:
         q, closed = closed_together(bench, q, p, of)
         left = np.union1d(left, np.flatnonzero(~closed))
     for i in left:
-        status[i], q[i] = closed_alone(
+        status[i], q[i] = started_alone(
             bench, {name: float(column[i]) for name, column in of.items()}, q[i]
         )
     for name in of:
@@ -86,7 +86,7 @@ def closed_together(
     return q, closed
 
 
-def closed_alone(
+def started_alone(
     bench: Bench, values: Mapping[str, float], q: np.ndarray
 ) -> tuple[int, np.ndarray]:
     """Return 0 and a member's coordinates (nq), or why it has none: UNREACHABLE, or REFUSED."""
