@@ -197,6 +197,20 @@ def function(of: LoopMap, name: str) -> ca.Function:
     return functions.function(name, equations, outputs, **inputs)
 
 
+def weakest_of(equations: Equations, asked: list[int]) -> ca.SX:
+    """Return the weakest relative pivot of the loops that some of the tree's rates depend on."""
+    chart, Phi = equations.chart, equations.rows.Phi
+    _, pivots = solve(chart, Phi, SX(Phi.shape[0], 1))
+    graph, held = nx.Graph(), {row for block in chart.blocks for row in block.rows}
+    for row, column in zip(*ca.sparsify(Phi).sparsity().get_triplet(), strict=True):
+        if row in held and column in chart.dependent:
+            graph.add_edge(("row", row), ("column", column))
+    ends = [("column", rate) for rate in asked if rate in chart.dependent]
+    reached = set().union(*(nx.node_connected_component(graph, end) for end in ends))
+    blocks = zip(chart.blocks, pivots, strict=True)
+    return weakest([pivot for block, pivot in blocks if ("column", block.columns[0]) in reached])
+
+
 def watched(of: LoopMap, name: str, rates: Equations | None = None) -> ca.Function:
     """Return a function of q, what else it takes, the least determinant and p: what is asked for,
     and whether it is sound: apart from singular poses, and finite.
@@ -210,7 +224,9 @@ def watched(of: LoopMap, name: str, rates: Equations | None = None) -> ca.Functi
         v = rates.v
         if rates.independent != equations.independent:
             v = ca.mtimes(rates.elimination.L, v)[list(equations.chart.independent)]
-            pivot = ca.fmin(pivot, ca.fabs(rates.elimination.pivot))
+            asked = [*equations.chart.independent]
+            asked = asked if name in BY_RATES else [asked[place] for place in of.places]
+            pivot = ca.fmin(pivot, ca.fabs(weakest_of(rates, asked)))
         result = ca.substitute(result, given, v if name in BY_RATES else v[of.places])
         inputs = {"v": rates.v}
     least, total = SX.sym("least"), ca.sum1(ca.vec(ca.densify(result)))
