@@ -4,9 +4,7 @@ import fcntl
 import gc
 import importlib
 import signal
-import tempfile
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -22,24 +20,24 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def share_compilation(worker: dict[str, str]) -> None:
-    """Compile what Numba compiles once per machine in turns with the other workers: each module by
-    whoever comes first, every other worker from the last to the first."""
+    """Compile what Numba compiles once per machine in turns with the other workers: each module,
+    whose file is its lock, by whoever comes first, every other worker from the last to the
+    first."""
     found = [
-        ".".join(path.relative_to(SOURCE.parent).with_suffix("").parts)
+        path
         for path in sorted(SOURCE.rglob("*.py"))
         if "\n@compiled_once(" in path.read_text(encoding="utf-8")
     ]
-    modules = found[:: -1 if int(worker["workerid"].removeprefix("gw")) % 2 else 1]
-    shared = Path(tempfile.gettempdir(), f"linkwork-tests-{worker['testrunuid']}")
-    shared.mkdir(exist_ok=True)
+    odd = int(worker["workerid"].removeprefix("gw")) % 2
     for locking in (fcntl.LOCK_EX | fcntl.LOCK_NB, fcntl.LOCK_EX):
-        for name in modules:
-            with (shared / name).open("w") as lock:
+        for path in found[:: -1 if odd else 1]:
+            with path.open() as lock:
                 try:
                     fcntl.flock(lock, locking)
                 except BlockingIOError:  # another worker compiles it just now
                     continue
-                importlib.import_module(name)
+                name = path.relative_to(SOURCE.parent).with_suffix("")
+                importlib.import_module(".".join(name.parts))
 
 
 @pytest.hookimpl(wrapper=True)
