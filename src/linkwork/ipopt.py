@@ -11,6 +11,10 @@ Source: Waechter & Biegler, Mathematical Programming 106 (2006) 25-57.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from math import inf
+from time import thread_time
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -40,13 +44,47 @@ class NoOptimumError(LinkworkError):
 @dataclass(frozen=True, eq=False)
 class LocalOptimum:
     """Hold a local optimum: x, f(x), the steps that led there, the residual of stationarity over
-    the largest multiplier (at least 1), and that of the constraints."""
+    the largest multiplier (at least 1), that of the constraints, and whether it is settled: what is
+    not keeps the constraints and was the best when time was up."""
 
     x: np.ndarray
     value: float
     steps: int
     stationarity: float
     violation: float
+    settled: bool = True
+
+
+class BestYet(ca.Callback):
+    """Keep the best point that keeps the constraints, and stop when time is up."""
+
+    def __init__(self, programme: Programme, seconds: float) -> None:
+        ca.Callback.__init__(self)
+        self.programme, self.until = programme, thread_time() + seconds
+        self.found: LocalOptimum | None = None
+        self.steps, self.over = 0, False
+        self.construct("best_yet", {})
+
+    def get_n_in(self) -> int:
+        return ca.nlpsol_n_out()
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        sizes = {"f": 1, "x": self.programme.x.numel(), "lam_x": self.programme.x.numel()}
+        sizes |= dict.fromkeys(("g", "lam_g"), self.programme.g.numel())
+        return ca.Sparsity.dense(sizes.get(ca.nlpsol_out(i), 0), 1)
+
+    def eval(self, arg: Any) -> list[int]:
+        given = dict(zip(ca.nlpsol_out(), arg, strict=True))
+        x, value = given["x"].full().ravel(), float(given["f"])
+        violation = self.programme.violation(x, given["g"].full().ravel())
+        if violation < KEPT and (self.found is None or value < self.found.value):
+            stationarity = self.programme.stationarity(x, given["lam_x"], given["lam_g"])
+            self.found = LocalOptimum(x, value, self.steps, stationarity, violation, False)
+        self.steps, self.over = self.steps + 1, thread_time() > self.until
+        return [int(self.over)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,30 +106,44 @@ class Programme:
         slopes = ca.Function("slopes", [self.x], [ca.jacobian(first, self.x)[:, :among]])
         return np.flatnonzero(~slopes(self.start).full().any(axis=0))
 
-    def solve(self, what: str, steps: int) -> LocalOptimum:
+    def solve(self, what: str, steps: int, seconds: float = inf) -> LocalOptimum:
         """Return a local optimum.
 
         Args:
-            what: is looked for, as refusals name it; steps: most of them.
+            what: is looked for, as refusals name it; steps: most of them; seconds: from which on
+                the best point so far that keeps the constraints is returned as not settled.
 
         Raises:
             NoOptimumError: IPOPT ends elsewhere, with its own word why; conditions that are not
-                fulfilled.
+                fulfilled; time that is up before the constraints were kept.
         """
+        # IPOPT from the start, under the clock where there is one.
         options = {**QUIET, "ipopt.tol": TOLERANCE, "ipopt.max_iter": steps}
         options["ipopt.mu_init"] = self.barrier
+        best = BestYet(self, seconds) if seconds < inf else None
+        if best is not None:
+            options["iteration_callback"] = best
         solver = ca.nlpsol("local", "ipopt", {"x": self.x, "f": self.f, "g": self.g}, options)
         limits = dict(zip(("lbx", "ubx"), self.bounds, strict=True))
         limits |= dict(zip(("lbg", "ubg"), self.g_bounds, strict=True))
         found, told = solver(x0=self.start, **limits), solver.stats()
         word, count = str(told["return_status"]), int(told["iter_count"])
+        # Where it ends: time is up, no optimum, or one that is verified.
+        if best is not None and best.over:
+            if best.found is not None:
+                return best.found
+            raise NoOptimumError(
+                f"no {what} is found in {seconds:.3g} s ({count} steps): the constraints are not "
+                "kept yet"
+            )
         if not told["success"]:
             raise NoOptimumError(
                 f"no {what} is found: {MEANING.get(word, f'IPOPT ends with {word}')} "
                 f"({count} steps)"
             )
         x = found["x"].full().ravel()
-        residuals = self._residuals(x, found["lam_x"], found["lam_g"])
+        g = found["g"].full().ravel()
+        residuals = self.stationarity(x, found["lam_x"], found["lam_g"]), self.violation(x, g)
         if not (residuals[0] < STATIONARY and residuals[1] < KEPT):
             raise NoOptimumError(
                 f"no {what} is found: where IPOPT ends after {count} steps its conditions stay "
@@ -99,15 +151,21 @@ class Programme:
             )
         return LocalOptimum(x, float(found["f"]), count, *residuals)
 
-    def _residuals(self, x: np.ndarray, of_x: ca.DM, of_g: ca.DM) -> tuple[float, float]:
-        """Return how far a point is from stationary, over its multipliers, and off its
-        constraints."""
+    @cached_property
+    def _slope(self) -> ca.Function:
+        """(x, multipliers of g) -> grad f + g_x' lambda."""
         weights = ca.MX.sym("weights", self.g.numel())
         slope = ca.gradient(self.f, self.x) + ca.jtimes(self.g, self.x, weights, True)
-        told = ca.Function("residuals", [self.x, weights], [slope, self.g])
-        steep, g = (np.array(part).ravel() for part in told(x, of_g))
+        return ca.Function("slope", [self.x, weights], [slope])
+
+    def stationarity(self, x: np.ndarray, of_x: ca.DM, of_g: ca.DM) -> float:
+        """Return how far a point is from stationary, over the largest multiplier, or 1."""
+        steep = self._slope(x, of_g).full().ravel()
         own = max(1.0, *(float(np.abs(part.full()).max(initial=0.0)) for part in (of_x, of_g)))
-        stationarity = np.abs(steep + of_x.full().ravel()).max() / own
+        return float(np.abs(steep + of_x.full().ravel()).max() / own)
+
+    def violation(self, x: np.ndarray, g: np.ndarray) -> float:
+        """Return how far a point is off its constraints."""
         beyond = [low - y for low, y in ((self.bounds[0], x), (self.g_bounds[0], g))]
         beyond += [y - high for high, y in ((self.bounds[1], x), (self.g_bounds[1], g))]
-        return float(stationarity), max(float(part.max(initial=0.0)) for part in beyond)
+        return max(float(part.max(initial=0.0)) for part in beyond)

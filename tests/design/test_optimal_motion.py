@@ -9,7 +9,9 @@ from scipy.integrate import quad, solve_ivp
 
 import linkwork as lw
 from linkwork import design, motions
+from linkwork.design import _optimal_motion
 from linkwork.design.collocation import MotionMesh
+from linkwork.ipopt import NoOptimumError
 
 from tests.catalogue import built
 
@@ -155,6 +157,28 @@ def test_robots_with_loops(name):
     np.testing.assert_allclose(reached, home + step, atol=1e-5)
 
 
+def test_a_search_that_ends_early_says_so():
+    """What it returns keeps all limits and is slower; before it kept them it returns nothing."""
+    robot = built("five_bar")
+    end = robot.assemble(tool=robot.tool_pose(robot.home)[:2] + [0.1, 0.05])  # noqa: RUF005
+    limits = motions.ActuatorLimits(force=4.0)
+    mesh = MotionMesh(robot, 12)
+    timed = _optimal_motion.straight(robot, (robot.home, end), limits)
+    guess = _optimal_motion.guessed(mesh, (robot.home, end), limits, timed, 1.0)
+    given = mesh, (robot.home, end), limits, guess, None, 0.05
+    best, T, _ = _optimal_motion.solved(*given, 60.0)
+    with pytest.raises(
+        NoOptimumError, match=r"is found in 0 s .*: the constraints are not kept yet"
+    ):
+        _optimal_motion.solved(*given, 0.0)
+    clock = iter(range(100))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("linkwork.ipopt.thread_time", lambda: next(clock))
+        found, longer, _ = _optimal_motion.solved(*given, best.steps - 1.0)
+    assert best.settled and not found.settled and found.steps <= best.steps
+    assert T * (1 - 1e-6) < longer < 1.5 * T and found.violation < 1e-6
+
+
 def test_power_and_acceleration_are_limited():
     robot = built("five_bar")
     end = robot.assemble(tool=robot.tool_pose(robot.home)[:2] + [0.08, 0.02])  # noqa: RUF005
@@ -190,6 +214,18 @@ def test_bad_input_is_refused(cart, ends):
             "no motion within all limits is found",
         ),
         ((flipped, flipped.home, other, limits), {}, "lies between them"),
+        ((cart, *ends, motions.ActuatorLimits(force=1.0, jerk=9.0)), {}, "which limits it"),
+        ((cart, *ends, motions.ActuatorLimits(force={"slide": 1.0})), {"search_time": 0}, "search"),
+        (
+            (cart, cart.state([0.1], [0.9]), ends[1], motions.ActuatorLimits(force=1.0, speed=0.5)),
+            {},
+            r"at the start 'slide' moves at 0\.9, above its limit of speed 0\.5; give a slower",
+        ),
+        (
+            (flipped, flipped.home, flipped.home, motions.ActuatorLimits(force={"motor_1": 4.0})),
+            {},
+            "nothing limits the actuator 'motor_2'",
+        ),
     ]
     for given, more, sentence in cases:
         with pytest.raises(lw.LinkworkError, match=sentence):

@@ -11,7 +11,9 @@ is a convex problem, which `motions.fastest` solves as a whole; it is the guess 
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
+from time import thread_time
 from typing import Literal
 
 import casadi as ca
@@ -19,9 +21,10 @@ import numpy as np
 
 from linkwork import checks
 from linkwork.design.collocation import MotionMesh, determinant
-from linkwork.errors import LinkworkError
+from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.export.implicit import require_coordinates
 from linkwork.ipopt import LocalOptimum, NoOptimumError, Programme
+from linkwork.mechanism.limits import undriven_speeds
 from linkwork.model.state import State
 from linkwork.motions import ActuatorLimits, AxisLimits, TimedPath, fastest, follow, point_to_point
 from linkwork.patience import announced
@@ -34,6 +37,7 @@ MISSED = 1e-3  # in own units, by which the robot may end elsewhere
 SHORTEST = 1e-3  # duration that is tried, over that of the guess
 SLOWEST = 4.0  # duration over that of a motion at the limits of force, of a guess without them
 STRETCHED = (1.0, 2.0, 4.0)  # by which the guess is slowed where nothing is found from it
+ROUNDING = 1e-9  # of a speed at its limit
 FINE = 20  # points in an interval at which the run is looked at
 
 
@@ -47,7 +51,7 @@ class OptimalMotion:
         elsewhere, of each independent coordinate [m, rad]
     used: largest part of the limits of force, speed and power that any actuator takes in the run
     steps: of IPOPT; stationarity: residual of the conditions of optimality over the largest
-        multiplier
+        multiplier; settled: whether it is none, or else the search ended when its time was up
     """
 
     duration: float
@@ -59,13 +63,15 @@ class OptimalMotion:
     used: dict[str, float]
     steps: int
     stationarity: float
+    settled: bool = True
 
     def __repr__(self) -> str:
         said = "least time" if self.minimised == "time" else f"least effort {self.cost:.6g}"
         used = ", ".join(f"{kind} {share:.1%}" for kind, share in self.used.items())
+        reached = "locally optimal" if self.settled else "not optimal yet"
         return "\n".join(
             [
-                f"Motion in {self.duration:.6g} s, {said}, locally optimal on "
+                f"Motion in {self.duration:.6g} s, {said}, {reached} on "
                 f"{len(self.forces.times) - 1} intervals ({self.steps} steps)",
                 f"  simulated with its forces it ends off by {np.abs(self.missed).max():.2g}",
                 *([f"  of what is allowed the run takes: {used}"] if used else []),
@@ -85,6 +91,7 @@ def optimal_motion(
     intervals: int = 30,
     apart: float = 0.05,
     guess: TimedPath | None = None,
+    search_time: float = 60.0,
 ) -> OptimalMotion:
     """Find how a robot goes from one state to another in the least time, or with the least effort.
 
@@ -101,14 +108,20 @@ def optimal_motion(
             over that at the start, which is zero where the actuators cease to hold the robot.
         guess: a timed path of the independent coordinates; the fastest straight way of these if
             left out.
+        search_time: of one processor [s], after which the search ends, and returns what keeps all
+            limits and was the best so far as not settled, with a warning. A step takes milliseconds
+            for two freedoms, and a second or more for six.
 
     Returns:
         An `OptimalMotion`, a local optimum on its mesh: other ways may be shorter.
 
     Raises:
-        LinkworkError: states on two sides of a singular pose; a rate without a coordinate; no
-            optimum found, and why; forces that lead the robot elsewhere, for the mesh is too
-            coarse.
+        LinkworkError: states on two sides of a singular pose, or above a limit of speed; a rate
+            without a coordinate; an actuator that nothing limits, for the least time; no optimum
+            found, and why; forces that lead the robot elsewhere, for the mesh is too coarse.
+
+    Warns:
+        ModelWarning: a motion that is not settled.
     """
     # One robot, two states in its own rates, and a cost.
     if not isinstance(robot, Robot):
@@ -128,6 +141,10 @@ def optimal_motion(
     if not LEAST <= count <= MOST:
         raise LinkworkError(f"the number of intervals is {count}; give {LEAST} to {MOST}")
     refuse_apart(robot, ends, apart)
+    refuse_speeds(robot, ends, limits)
+    if minimise == "time":
+        refuse_unlimited(robot, limits)
+    seconds = checks.positive(search_time, "the search time", "s")
     # The programme from a guess, and the robot under the forces that are found.
     mesh = MotionMesh(robot, count)
     if not (guess is None or isinstance(guess, TimedPath)):
@@ -135,7 +152,14 @@ def optimal_motion(
             f"the guess is {checks.shown(guess)}; give a timed path made by linkwork.motions"
         )
     timed = straight(robot, ends, limits) if guess is None else guess
-    found, T, u = tried(mesh, ends, limits, timed, duration, apart)
+    found, T, u = tried(mesh, ends, limits, timed, duration, apart, seconds)
+    if not found.settled:
+        warnings.warn(
+            f"the motion keeps all limits, but is not settled after {seconds:.3g} s (stationarity "
+            f"{found.stationarity:.2g}); give more search_time, or fewer intervals",
+            ModelWarning,
+            stacklevel=3,
+        )
     times = np.linspace(0.0, T, count + 1)
     forces = Sampled(times, np.vstack([u.T, u[:, -1]]), "hold")
     run, missed = simulated(robot, ends, forces, T)
@@ -149,6 +173,7 @@ def optimal_motion(
         shares(robot, run, forces, limits),
         found.steps,
         found.stationarity,
+        found.settled,
     )
 
 
@@ -159,17 +184,23 @@ def tried(
     timed: TimedPath,
     duration: float | None,
     apart: float,
+    seconds: float,
 ) -> tuple[LocalOptimum, float, np.ndarray]:
-    """Return what is found from a guess, or else from slower ones."""
+    """Return what is found within some seconds from a guess, or else from slower ones."""
     *others, last = STRETCHED
+    until = thread_time() + seconds
+
+    def attempt(factor: float) -> tuple[LocalOptimum, float, np.ndarray]:
+        guess = guessed(mesh, ends, limits, timed, factor)
+        return solved(mesh, ends, limits, guess, duration, apart, until - thread_time())
+
     for factor in others:
         try:
-            return solved(
-                mesh, ends, limits, guessed(mesh, ends, limits, timed, factor), duration, apart
-            )
+            return attempt(factor)
         except NoOptimumError:
-            continue
-    return solved(mesh, ends, limits, guessed(mesh, ends, limits, timed, last), duration, apart)
+            if thread_time() > until:
+                raise
+    return attempt(last)
 
 
 def solved(
@@ -179,6 +210,7 @@ def solved(
     guess: tuple[float, np.ndarray, np.ndarray],
     duration: float | None,
     apart: float,
+    seconds: float,
 ) -> tuple[LocalOptimum, float, np.ndarray]:
     """Return the local optimum, its duration, and its forces (actuators, intervals)."""
     robot, (T_guess, y_guess, u_guess) = mesh.robot, guess
@@ -216,7 +248,7 @@ def solved(
             np.concatenate([np.zeros(count), np.full(kept.numel(), np.inf)]),
         ),
     )
-    found = programme.solve("motion within all limits", STEPS)
+    found = programme.solve("motion within all limits", STEPS, max(seconds, 0.0))
     time = float(T_guess * found.x[0]) if free else float(duration or 0.0)
     forces = found.x[int(free) : int(free) + u_guess.size].reshape(u_guess.shape, order="F")
     return (
@@ -347,3 +379,32 @@ def refuse_apart(robot: Robot, ends: tuple[State, State], apart: float) -> None:
             + ("between them" if there / here <= 0 else f"nearer than apart = {apart:g} allows")
             + "; give other states"
         )
+
+
+def refuse_speeds(robot: Robot, ends: tuple[State, State], limits: ActuatorLimits) -> None:
+    """Refuse states whose rates are above the limits of speed."""
+    most = limits.of_robot(robot)["speed"]
+    for what, state in zip(("start", "end"), ends, strict=True):
+        rates = np.abs(robot.actuation(state) @ state.rates)
+        moving = [*zip(robot.actuators, rates.tolist(), most.tolist(), strict=True)]
+        joints = robot.joint_rates(state)
+        for labels, speed in undriven_speeds(robot.mechanism):
+            rate = np.linalg.norm([joints[robot.rates.index(label)] for label in labels])
+            moving.append((labels[0], float(rate), speed))
+        for name, rate, speed in moving:
+            if rate > speed * (1 + ROUNDING):
+                raise LinkworkError(
+                    f"at the {what} {name!r} moves at {rate:.6g}, above its limit of speed "
+                    f"{speed:.6g}; give a slower {what}, or a higher limit"
+                )
+
+
+def refuse_unlimited(robot: Robot, limits: ActuatorLimits) -> None:
+    """Refuse actuators that nothing limits, whose forces grow as intervals get shorter."""
+    given = limits.of_robot(robot)
+    for k, name in enumerate(robot.actuators):
+        if not any(np.isfinite(given[kind][k]) for kind in given):
+            raise LinkworkError(
+                f"nothing limits the actuator {name!r}, which would push without bound for ever "
+                "shorter times; limit its force, speed, acceleration or power, too"
+            )
