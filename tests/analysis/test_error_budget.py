@@ -202,3 +202,12 @@ def straightened(robot):
             "tip": np.pi,
         }
     )
+
+
+def test_what_only_orients_is_ranked_by_its_rotation():
+    robot = built("agile_wrist")
+    told = error_budget(robot, robot.home, resolution={"motor_1": 1e-3, "motor_2": 3e-3})
+    first, second = told.contributions
+    assert told.turns and first.source.name == "motor_2"
+    assert 0.5 < first.turn_share < 1 and first.turn_share > second.turn_share
+    assert "worst alone [rad]" in repr(told) and f"{first.turn_share:.1%}" in repr(told)

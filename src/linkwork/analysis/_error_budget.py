@@ -30,6 +30,8 @@ from linkwork.analysis.tool_errors import ToolErrors, require_held
 from linkwork.checks import amount, shown
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import located
+from linkwork.mechanism.task import LENGTHS, DistanceTo
+from linkwork.model.task import task_if_any
 from linkwork.patience import announced
 from linkwork.robot import Robot, State
 
@@ -67,6 +69,7 @@ class ErrorBudget:
     sources: what is inexact
     sensitivities: per source, the tool's [rotation; translation] in the ground's axes per number of
         the source (..., 6, d) [rad, m over its unit]
+    turns: whether the tool is led in its orientation alone, by which sources are ranked then
     """
 
     name: str
@@ -74,6 +77,7 @@ class ErrorBudget:
     tool: np.ndarray
     sources: tuple[ErrorSource, ...]
     sensitivities: tuple[np.ndarray, ...]
+    turns: bool = False
 
     @property
     def covariance(self) -> np.ndarray:
@@ -126,7 +130,7 @@ class ErrorBudget:
     @property
     def contributions(self) -> tuple[Contribution, ...]:
         """What each source does, the largest share of the position's error first, then of the
-        rotation's."""
+        rotation's; the other way round of a tool that is led in its orientation alone."""
         found = []
         for source, J in zip(self.sources, self.sensitivities, strict=True):
             means = [source.deviation**2 * mean_square(part) for part in split(J)]
@@ -137,7 +141,8 @@ class ErrorBudget:
             shares = [over(mean, whole) for mean, whole in zip(means, self._means, strict=True)]
             position, turn = zip(shares, np.sqrt(means), most, strict=True)
             found.append(Contribution(source, *map(float, (*position, *turn))))
-        return tuple(sorted(found, key=lambda each: (-each.share, -each.turn_share)))
+        ranked = sorted(found, key=lambda each: (each.share, each.turn_share), reverse=True)
+        return tuple(sorted(ranked, key=lambda each: -each.turn_share) if self.turns else ranked)
 
     @property
     def _means(self) -> tuple[float, float]:
@@ -165,13 +170,16 @@ class ErrorBudget:
             + f" at state {worst.argmax()}" * (states > 1),
             f"rotation  deviation {turn_mean:.4g} rad (rms), worst case {turned.max():.4g} rad"
             + f" at state {turned.argmax()}" * (states > 1),
-            f"{'source':<44} {'size':>13} {'share':>7} {'worst alone [m]':>16}",
+            f"{'source':<44} {'size':>13} {'share':>7} "
+            f"{'worst alone [rad]' if self.turns else 'worst alone [m]':>17}",
         ]
         ranked = self.contributions
         for each in ranked[:SHOWN]:
             size = f"{each.source.size:.3g} {each.source.unit}"
+            position, turn = (each.share, each.worst), (each.turn_share, each.worst_turn)
+            share, worst_alone = turn if self.turns else position
             lines.append(
-                f"{str(each.source)[-44:]:<44} {size:>13} {each.share:>7.1%} {each.worst:>16.3g}"
+                f"{str(each.source)[-44:]:<44} {size:>13} {share:>7.1%} {worst_alone:>17.3g}"
             )
         lines += [f"... and {len(ranked) - SHOWN} more"] * (len(ranked) > SHOWN)
         return "\n".join(lines)
@@ -237,7 +245,9 @@ def error_budget(
     tool = np.zeros((*states.batch, 3))
     size = 2 if robot.planar else 3
     tool[..., :size] = poses[..., :size]
-    return ErrorBudget(robot.mechanism.name, robot.planar, tool, sources, tuple(found))
+    task = task_if_any(robot) or ()
+    turns = bool(task) and not any(isinstance(c, DistanceTo) or c in LENGTHS for c in task)
+    return ErrorBudget(robot.mechanism.name, robot.planar, tool, sources, tuple(found), turns)
 
 
 def split(J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
