@@ -6,10 +6,12 @@ import pickle
 import shutil
 import subprocess
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from linkwork import LinkworkError, SingularError, analysis
+from linkwork.analysis.loop_map import weakest_of
 
 from tests.analysis.legs import ankle, crank_angle, floating_knee, knee
 from tests.catalogue import built
@@ -385,3 +387,12 @@ def test_at_a_dead_point_the_motor_holds_nothing():
     other = analysis.actuation(knee(), ["motor"], ["knee"])
     with pytest.raises(SingularError, match="motor do not determine the motors knee here"):
         other.jacobian(state)
+
+
+def test_rates_watch_the_loops_that_they_follow_from():
+    """What is independent watches none, what depends on all of them all."""
+    of = ankle().equations
+    assert weakest_of(of, [*of.chart.independent]).is_one()
+    both = ca.vertcat(weakest_of(of, [*of.chart.dependent]), of.elimination.pivot)
+    found = np.array(ca.Function("pivots", [of.tree.q, of.p], [both])(of.reference + 0.1, []))
+    assert found[0] != 1 and found[0] == found[1]
