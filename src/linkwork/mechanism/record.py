@@ -5,18 +5,9 @@ from __future__ import annotations
 import sys
 from typing import Annotated, Any
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    WithJsonSchema,
-)
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
 
-from linkwork.checks import plain
-from linkwork.mechanism.refusal import VANISHES, MechanismError, first_refusal, shown
+from linkwork.mechanism.refusal import PLAIN, VANISHES, MechanismError, first_refusal, shown
 
 __all__ = [
     "HUGE",
@@ -47,7 +38,7 @@ def followed(number: float) -> float:
     return 0.0 if abs(number) < sys.float_info.min else number
 
 
-PLAIN, FULL = BeforeValidator(plain), AfterValidator(held_in_full)
+FULL = AfterValidator(held_in_full)
 Real = Annotated[float, Field(allow_inf_nan=False), PLAIN, FULL]
 Amount = Annotated[float, Field(ge=0, le=HUGE, allow_inf_nan=False), PLAIN, FULL]
 Positive = Annotated[float, Field(gt=0, le=HUGE, allow_inf_nan=False), PLAIN, FULL]

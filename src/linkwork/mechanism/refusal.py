@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, BeforeValidator, ValidationError
 
+from linkwork.checks import plain
 from linkwork.checks import suggestion as suggestion
 from linkwork.errors import LinkworkError
 
@@ -18,6 +19,7 @@ VANISHES = (
     "is nearer to zero than any number that a computer holds in full, about 2e-308; give 0, or "
     "check its unit"
 )
+PLAIN = BeforeValidator(plain)  # no truth value for a number
 
 
 class MechanismError(LinkworkError):
