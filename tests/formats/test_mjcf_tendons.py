@@ -180,3 +180,55 @@ def test_a_side_lies_outside_of_the_surface():
         Cable(path=(ends[0], near, ends[1]))  # pyright: ignore
     with pytest.raises(lw.MechanismError, match="has no side; leave one"):
         Cable(path=(ends[0], near | {"inside": True}, ends[1]))  # pyright: ignore
+
+
+PAIR = """<mujoco><default><geom contype="0" conaffinity="0"/></default><worldbody>
+ <site name="w" pos="0.4 0.1 0.5"/>
+ <body name="a"><joint name="j1" axis="0 1 0"/><geom size="0.1" pos="0.2 0 0"/>
+  <site name="s1" pos="0.3 0 0.1"/>
+  <body name="c" pos="0.5 0 0"><joint name="j3" axis="0 1 0"/><geom size="0.1" pos="0.2 0 0"/>
+   <site name="s3" pos="0.1 0 0.1"/></body>
+ </body>
+ <body name="b" pos="0 1 0"><joint name="j2" axis="0 1 0"/><geom size="0.1" pos="0.3 0 0"/>
+  <site name="s2" pos="0.2 0 0.2"/></body>
+</worldbody><tendon>{tendon}</tendon></mujoco>"""
+FIXED = '<fixed armature="2"><joint joint="{}" coef="0.7"/><joint joint="{}" coef="-0.5"/></fixed>'
+SPATIAL = '<spatial armature="2"><site site="{}"/><site site="w"/>{}<site site="{}"/></spatial>'
+
+
+@pytest.mark.parametrize(
+    ("tendon", "told"),
+    [
+        (FIXED.format("j1", "j2"), True),
+        (FIXED.format("j1", "j3"), False),
+        (FIXED.format("j3", "j2").replace("-0.5", "0"), False),
+        (SPATIAL.format("s1", "", "s2"), True),
+        (SPATIAL.format("s1", "", "s3"), False),
+        (SPATIAL.format("s1", '<pulley divisor="2"/><site site="w"/>', "s2"), True),
+        (SPATIAL.format("s3", '<pulley divisor="2"/><site site="s1"/>', "w"), False),
+    ],
+)
+def test_inertia_that_couples_branches_is_whole_and_mujocos_without_the_coupling(
+    tmp_path, tendon, told
+):
+    path = tmp_path / "pair.xml"
+    path.write_text(PAIR.format(tendon=tendon))
+    mechanism = load(path).mechanism
+    assert [("on different branches of the tree" in c) for c in mechanism.caveats] == told * [True]
+    # MuJoCo's inertia without the tendon, and with that of its whole length.
+    model = mj.MjModel.from_xml_path(str(path))
+    data, M, J = mj.MjData(model), np.zeros((3, 3)), np.zeros(3)
+    data.qpos[:] = 0.3, -0.2, 0.4
+    mj.mj_forward(model, data)
+    J[model.ten_J_colind[: model.ten_J_rownnz[0]]] = data.ten_J[: model.ten_J_rownnz[0]]
+    accelerations, model.tendon_armature[:] = data.qacc.copy(), 0.0
+    mj.mj_forward(model, data)
+    mj.mj_fullM(model, data, M)
+    whole = np.linalg.solve(M + 2.0 * np.outer(J, J), -data.qfrc_bias)
+    # Ours is the whole; MuJoCo's is where no branches are coupled.
+    robot = lw.Robot(mechanism)
+    names = [model.joint(k).name for k in range(3)]
+    state = robot.state(dict(zip(names, data.qpos, strict=True)))
+    found = dict(zip(robot.independent, robot.forward_dynamics(state, []), strict=True))
+    assert [found[name] for name in names] == pytest.approx(whole, rel=1e-10)
+    assert (np.abs(accelerations - whole).max() > 1e-3 * np.abs(whole).max()) == told

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TypeVar
 
 import casadi as ca
@@ -44,6 +45,10 @@ from linkwork.mechanism import (
 )
 
 Loaded = TypeVar("Loaded", Combination, Cable)
+OFF_TREE = (
+    "has an armature that couples joints on different branches of the tree: MuJoCo leaves this out "
+    "of its inertia matrix, and here it is whole"
+)
 Held = tuple[Element, float]  # the equality, and by how much it differs from the length at qpos0
 
 
@@ -300,6 +305,8 @@ class TendonReader:
         inertia, damping = self.added.get(element.attributes.get("name", ""), Added())
         inertia += element.number("armature", 0.0)
         line = line.model_copy(update={"inertia": inertia})
+        if inertia and not self._on_one_branch(line):
+            self.notes.on(element, OFF_TREE, alters=True)
         return line.model_copy(
             update={
                 "stop": stop_of(element, line, tree, self.joints, self.notes) if limited else None,
@@ -307,6 +314,28 @@ class TendonReader:
                 "friction": element.make(Friction, coulomb=friction, viscous=damping),
             }
         )
+
+    def _on_one_branch(self, line: Combination | Cable) -> bool:
+        """Tell whether all joints that change the length of a transmission move one another's
+        bodies: none stands beside another one in the tree."""
+        tree = self.loops.tree
+        if isinstance(line, Combination):
+            moved = {
+                node.name
+                for node, piece in tree.pieces()
+                if line.ratios.get(self.joints.coordinates.get(piece.name or "", ""))
+            }
+        else:
+            ways = [
+                {node.name for node in tree.chain(part.body) if node.pieces}
+                if not isinstance(part, PulleyBlock)
+                else None
+                for part in line.path
+            ]
+            pairs = [(a, b) for a, b in pairwise(ways) if a is not None and b is not None]
+            moved = set().union(*(a ^ b for a, b in pairs))
+        chains = [{node.name for node in tree.chain(body)} for body in moved]
+        return not moved or moved <= max(chains, key=len)
 
     def _spring(self, element: Element, at_rest: float) -> SlackSpring:
         """Return the spring and damper along a tendon whose length where joints' springs rest is
