@@ -156,5 +156,8 @@ def test_numbers_are_found_from_a_table_and_written(tmp_path):
     assert "has x, y of the tool's pose; give x, y, angle" in refused("analyse", *words)
     file.write_text("\n".join([*lines, lines[-1].replace(",", ",9", 1)]))
     assert "poses.csv, line 8: " in refused("analyse", *words)
+    file.write_text(f"{lines[0]}\n0,800,0.5,0.3,700,900\n")
+    assert "times the mechanism's own length of" in refused("analyse", *words)
+    assert "is it in millimetres? give metres" in refused("analyse", *words)
     file.write_text(lines[0] + "\n")
     assert "poses.csv holds no rows below its names" in refused("analyse", *words)

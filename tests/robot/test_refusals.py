@@ -34,6 +34,17 @@ def test_poses_out_of_reach(robot):
     )
 
 
+def test_values_out_of_reach_in_other_units(robot):
+    """Millimetres and degrees are asked after, of the tool and of joints, alone and in stacks."""
+    delta = lw.Robot("delta")
+    refused("-900 m is 723 times the mechanism's own length", delta.assemble, tool=[0, 0, -900])
+    both = [[0, 0, -1], [0, 0, -900]]
+    refused("is it in millimetres? give metres", delta.assemble, tool=both)
+    refused("500 m is 378 times", robot.assemble, {"slide_1": 500, "slide_2": 0.1, "slide_3": 0.1})
+    refused("30 rad is 4.77 turns; is it in degrees? give radians", robot.assemble, tool=[3, 0, 30])
+    refused("choose a pose within reach", robot.assemble, tool=[30, 0, 3])
+
+
 def test_numbers_that_are_not_finite(robot):
     refused(
         "positions[3] is nan; give finite numbers", robot.state, [0, 0, 0, np.nan, 0, 0, 0, 0, 0]

@@ -67,6 +67,11 @@ class Asked(Protocol):
         ...
 
     @property
+    def lengths(self) -> np.ndarray:
+        """Return which rows are lengths; the others are angles."""
+        ...
+
+    @property
     def wraps(self) -> np.ndarray:
         """Return which rows are angles that come back after a turn."""
         ...
@@ -192,7 +197,11 @@ class ToolAsked:
 
     @cached_property
     def _units(self) -> np.ndarray:
-        return np.where([is_length(item) for item in self.held], self.length, 1.0)
+        return np.where(self.lengths, self.length, 1.0)
+
+    @property
+    def lengths(self) -> np.ndarray:
+        return np.array([is_length(item) for item in self.held], bool)
 
     @property
     def wraps(self) -> np.ndarray:
@@ -320,6 +329,10 @@ class JointsAsked:
     wraps: np.ndarray
     units: np.ndarray
     noun: str = "state"
+
+    @property
+    def lengths(self) -> np.ndarray:
+        return ~self.angular
 
     @cached_property
     def turns(self) -> list[int]:

@@ -20,11 +20,12 @@ from linkwork.equations.reference import OpenLoopsError, close, unit
 from linkwork.equations.tree import Tree
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
-from linkwork.model.asked import ToolAsked
+from linkwork.model.asked import Asked, ToolAsked
 from linkwork.model.closing import MATRICES, Least
 
 OPEN_LOOPS = 1e-6  # gaps of loops, in the mechanism's own units, that no state of a robot has
 LEG_SINGULAR = 1e-9
+FAR, TURNS = 100.0, 4 * np.pi  # own lengths and angles from which on a unit may be another
 TOOL = ("position", "orientation", "angle", "J_tool", "bias_tool")
 EPS = np.finfo(float).eps
 
@@ -68,7 +69,7 @@ class Assembler:
             raise UnreachableError(
                 f"the mechanism cannot be assembled {least.asked.said(y)} from this guess: "
                 f"{element} ({what}) stays off by {error.gap * least.heights[error.worst]:.3g}; "
-                "choose a pose within reach or a nearer guess"
+                + remedy(least.asked, y)
             ) from None
         # Closed, but not as described: rows left open, frames the wrong way round.
         out = self.still(q)
@@ -122,6 +123,20 @@ class Assembler:
     def moved(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
         """Return q after a step of the tree's rates times a time, its quaternions at length 1."""
         return unit(self.tree, q + self.still(q)["derivatives"] @ step) if step.any() else q
+
+
+def remedy(asked: Asked, y: np.ndarray) -> str:
+    """Return what would be right where values (rows) are not met: other units, where these can
+    hardly be metres and radians."""
+    own = np.abs(y) / asked.units
+    for k in np.flatnonzero(asked.lengths & (own > FAR))[:1]:
+        return (
+            f"{y[k]:g} m is {own[k]:.3g} times the mechanism's own length of {asked.units[k]:.3g} "
+            "m; is it in millimetres? give metres"
+        )
+    for k in np.flatnonzero(~asked.lengths & (own > TURNS))[:1]:
+        return f"{y[k]:g} rad is {own[k] / (2 * np.pi):.3g} turns; is it in degrees? give radians"
+    return "choose a pose within reach or a nearer guess"
 
 
 def stacked(out: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
