@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 import linkwork as lw
 from linkwork import design
+from linkwork.design.choices import choices
 
 from tests.analysis.mechanisms import arm
 from tests.catalogue import built
@@ -139,3 +142,26 @@ def test_bad_input_is_refused():
             design.optimise(robot, *given)
     with pytest.raises(lw.LinkworkError, match="give 3 or more"):
         design.PeakForce(lw.paths.line([0.6, 0], [0.9, 0]), 1.0, samples=2)
+    with pytest.raises(lw.LinkworkError, match=r"^the path is 'line'; give one made by"):
+        design.PeakForce("line", 0.3)  # pyright: ignore
+
+
+def test_lower_bounds_of_sizes_are_above_zero():
+    """Factors of masses and lengths, and numbers that are above 0 by themselves; a centre of mass
+    may come to lie on the other side."""
+    delta, two = built("delta"), arm(1.0, 0.6)
+    alike = design.Isotropy([[0, 0, -0.9]])
+    above = "give a factor above 0"
+    cases = [
+        (delta, "rod_*.length", (-1, 2), above),
+        (delta, "arm_*.mass", (0, 2), above),
+        (delta, "motor_*.frames.1.position.x", (-1, 2), above),
+        (delta, "rod_1_left.length", (0, 2), "rod_1_left.length: 0.0 is not above 0; expected"),
+        (delta, "platform.mass", (-1, 20), "platform.mass: -1.0 is below 0; expected mass"),
+    ]
+    for robot, number, bounds, sentence in cases:
+        told = f"the lower bound {bounds[0]} of {number!r}: "
+        with pytest.raises(lw.LinkworkError, match=f"^{re.escape(told)}.*{sentence}"):
+            design.optimise(robot, {number: bounds}, alike)
+    kept = {"rod_*.com.x": (-1, 2), "hinge_2.frames.0.position.x": (-1, 2)}
+    assert choices(two, kept).lower.tolist() == [-1, -1]

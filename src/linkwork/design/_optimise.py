@@ -90,7 +90,7 @@ def optimise(
             has to reach all poses as it is.
         numbers: bounds by path [unit of the number], as for `Robot.free`; several numbers, by a
             pattern ("rod_*.length") or a tuple of paths and patterns, stay in proportion, and the
-            bounds are those of their common factor.
+            bounds are those of their common factor, above 0 for lengths and masses.
         objective: an `Isotropy` or a `Frequency`, to be as large, or a `PeakForce`, to be as small
             as can be.
         subject_to: bounds of other measures that are kept: at least, or at most for forces.

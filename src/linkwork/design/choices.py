@@ -12,8 +12,11 @@ import numpy as np
 from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.number_patterns import paths_of
-from linkwork.mechanism.numbers import located
+from linkwork.mechanism.numbers import edited, located
+from linkwork.mechanism.parameter_units import unit_of_parameter
 from linkwork.robot import Robot
+
+SIZES = ("m", "kg")  # units of numbers that a factor leaves above 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +80,9 @@ def choices(robot: Robot, numbers: Mapping[Any, tuple[float, float]]) -> Choices
         found[rows, k] = 1.0 if alone else freed.p[rows]
         own = float(freed.p[rows[0]]) if alone else 1.0
         low, high = bounds_of(name, numbers[key], own, alone)
+        if low <= 0:
+            least = dict(zip(paths, (low * found[rows, k]).tolist(), strict=True))
+            refuse_sign(robot, name, low, least)
         lower, upper, start = [*lower, low], [*upper, high], [*start, own]
     offset = np.where(found.any(axis=1), 0.0, freed.p)
     names = tuple(name for name, _ in groups)
@@ -112,3 +118,17 @@ def bounds_of(name: str, given: Any, own: float, alone: bool) -> tuple[float, fl
             "around it" + ("" if alone else ", for several numbers are changed by one factor")
         )
     return float(ends[0]), float(ends[1])
+
+
+def refuse_sign(robot: Robot, name: str, low: float, least: Mapping[str, float]) -> None:
+    """Refuse a lower bound that is not above 0 where numbers (by path, at that bound) have to be:
+    sizes that are changed by one factor, and what a description takes above 0 alone."""
+    with checks.at(f"the lower bound {low:g} of {name!r}: "):
+        for path in least if len(least) > 1 else ():
+            sized = unit_of_parameter(robot.mechanism, path) in SIZES
+            if sized and "centre_of_mass" not in located(robot.mechanism, path)[0]:
+                raise LinkworkError(
+                    f"{path!r} is a length or a mass, which no factor makes zero or turns round; "
+                    "give a factor above 0"
+                )
+        edited(robot.mechanism, least)
