@@ -190,7 +190,9 @@ def read_model(root: Element, notes: Notes, moving: bool = False) -> UrdfModel:
 
 
 def _read_joint(element: Element, links: dict[str, Element]) -> UrdfJoint:
-    kinds = DRAKE if element.tag == drake.JOINT else dict(zip(TYPES, TYPES, strict=True))
+    kinds: dict[str, str] = (
+        DRAKE if element.tag == drake.JOINT else dict(zip(TYPES, TYPES, strict=True))
+    )
     kind = kinds[element.choice("type", tuple(kinds), "")]
     ends = [element.named(end).text("link") for end in ("parent", "child")]
     for link in ends:

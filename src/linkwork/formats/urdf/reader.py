@@ -322,9 +322,16 @@ def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
             friction = _viscous(joint, SphericalJoint)
             return SphericalJoint(connects=connects, frames=frames, friction=friction)
         case "universal":
-            axes = tuple(poses.triple(np.eye(3)["xyz".index(letter)]) for letter in joint.axes)
+            first_axis, second_axis = (
+                poses.triple(np.eye(3)["xyz".index(letter)]) for letter in joint.axes
+            )
             friction = _viscous(joint, UniversalJoint)
-            return UniversalJoint(connects=connects, frames=frames, axes=axes, friction=friction)
+            return UniversalJoint(
+                connects=connects,
+                frames=frames,
+                axes=(first_axis, second_axis),
+                friction=friction,
+            )
         case "planar":
             turn = poses.pose(rotation=poses.from_z(joint.axis))
             frames = poses.frame_of(first @ turn), poses.frame_of(turn)
