@@ -14,7 +14,7 @@ class ReadOnlyArrays:
     def __post_init__(self) -> None:
         for value in vars(self).values():
             if type(value) is np.ndarray:
-                value.flags.writeable = False
+                value.setflags(write=False)
 
     def __setstate__(self, known: dict[str, Any]) -> None:
         vars(self).update(known)

@@ -205,6 +205,21 @@ def test_members_of_an_ensemble_have_their_estimates(method):
     np.testing.assert_allclose(found.error_estimate, true, rtol=0.3)
 
 
+def test_members_that_are_off_say_so_as_their_own_runs_do():
+    robot, options = light_cart(), {"duration": 10.0, "rtol": 1e-6}
+    start = robot.home
+    starts = robot.state(
+        np.stack([start.positions] * 2), np.stack([start.rates, 1e-3 + start.rates])
+    )
+    members = robot.ensemble(starts, **options)
+    for i in range(2):
+        assert members.message(i) == robot.simulate(starts.at(i), **options).message
+        assert "tighten them" in members.message(i)
+    assert (members.error_estimate > 0).all()
+    fixed = robot.ensemble(starts, duration=0.1, method="rk4", step=1e-3)
+    assert fixed.message(1) == "The run reached its end at t = 0.1 s."
+
+
 def test_a_companion_that_takes_too_many_steps_tells_how_far_it_came(monkeypatch):
     robot = oscillator()
     run = robot.simulate(robot.state([1.0], [0.0]), duration=50.0)

@@ -58,8 +58,12 @@ def test_members_are_put_where_others_are_and_go_on_as_these(robot):
     others = robot.stepper(states, DT, threads=1)
     others.step(u, 200)
     many = robot.stepper(robot.state(np.tile(robot.home.positions, (50, 1))), DT, threads=1)
-    kept = many.y[5].copy()
+    kept, seen = many.y[5].copy(), many.states
+    known = seen.positions.copy()
     many.put(others, [0, 3, 49], [20, 20, 8])
+    np.testing.assert_array_equal(seen.positions, known)
+    np.testing.assert_allclose(many.states.positions[3], others.states.positions[20], atol=1e-12)
+    many.reset([7])
     np.testing.assert_array_equal(many.y[5], kept)
     many.step(steps=100)
     others.step(steps=100)

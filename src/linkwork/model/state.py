@@ -88,8 +88,12 @@ class State(ReadOnlyArrays):
         if not self.batch:
             raise LinkworkError("this is one state, not a stack of states; it has no index")
         try:
-            return replace(
-                self, positions=self.positions[index], rates=self.rates[index], q=self.q[index]
+            return State(
+                self.positions[index],
+                self.rates[index],
+                self.q[index],
+                self.coordinates,
+                self.independent,
             )
         except (IndexError, TypeError, ValueError):
             raise LinkworkError(

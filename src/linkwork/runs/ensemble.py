@@ -184,8 +184,14 @@ class Ensemble(ReadOnlyArrays, Portrayed):
         return np.flatnonzero(self.status != Status.FINISHED)
 
     def message(self, member: int) -> str:
-        """Return the sentence with which a member's run ended."""
-        return self._sentences(self._numbered(member))
+        """Return the sentence with which a member's run ended; that of its error, too, as the
+        message of `run(member)` does, where steps were chosen by their errors and a Python function
+        does not control it."""
+        number = self._numbered(member)
+        known = self._companion is not None and self.settings.integrator.step is None
+        if known and self.status[number] != Status.CANCELLED:
+            return self.run(number).message
+        return self._sentences(number)
 
     def run(self, member: int) -> Run:
         """Return the run of one member, made once more by itself: what `Robot.simulate` gives, bit
