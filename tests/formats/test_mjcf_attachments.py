@@ -148,9 +148,65 @@ def test_what_is_not_attached_is_noted(tmp_path):
         assert any(remark in note for note in imported.notes)
     assert any("keyframes of attached models are not read" in note for note in imported.notes)
     assert not imported.mechanism.caveats and imported.mechanism.gravity[2] == -9.81
-    merged = '<compiler angle="degree" conflict="merge"/>'
-    path.write_text(path.read_text().replace('<compiler angle="degree"/>', merged))
-    assert any("options of the model" in each for each in load(path).mechanism.caveats)
+
+
+MERGED = {
+    "": "",
+    'density="3"': 'wind="1 2 3" density="3.0"',
+    'gravity="0 0 -2"': 'timestep="0.001" viscosity="2" gravity="0 0 -2"',
+    '><flag gravity="enable"/></option><option': '><flag gravity="disable"/></option><option',
+    'wind="0 1 0"': 'wind="0 1 1"',
+    'density="0"': 'density="1"',
+}
+
+
+@pytest.mark.parametrize("mode", ["warning", "merge", "error"])
+@pytest.mark.parametrize("own", MERGED)
+@pytest.mark.parametrize("middle", [False, True])
+def test_options_of_attached_models_are_taken_over_as_by_mujoco(tmp_path, own, mode, middle):
+    """Of the model itself, and through one between."""
+
+    def model(name, options, child, mode):
+        asset = f'<asset><model name="m" file="{child}.xml"/></asset>' if child else ""
+        attach = '<attach model="m" body="b" prefix="p_"/>' if child else ""
+        (tmp_path / f"{name}.xml").write_text(
+            f'<mujoco model="{name}"><compiler conflict="{mode}"/><option {options}/>{asset}'
+            f'<worldbody><body name="b"><joint/><geom size="1"/>{attach}</body></worldbody>'
+            "</mujoco>"
+        )
+
+    model("child", MERGED[own], None, "warning")
+    model("between", "", "child", "merge")
+    model("main", own, "between" if middle else "child", mode)
+    path = tmp_path / "main.xml"
+    try:
+        option = mj.MjModel.from_xml_path(str(path)).opt
+    except ValueError:
+        with pytest.raises(lw.MechanismError, match="give both the same, or one of them none"):
+            load(path)
+        return
+    found = load(path).mechanism
+    none = option.disableflags & mj.mjtDisableBit.mjDSBL_GRAVITY
+    assert found.gravity == pytest.approx((0, 0, 0) if none else option.gravity)
+    assert found.fluid.wind == pytest.approx(option.wind)
+    assert (found.fluid.density, found.fluid.viscosity) == (option.density, option.viscosity)
+
+
+def test_models_that_want_different_options_are_refused_as_by_mujoco(tmp_path):
+    for name, wind in (("one", "0 1 0"), ("two", "0 2 0")):
+        (tmp_path / f"{name}.xml").write_text(
+            f'<mujoco><option wind="{wind}"/><worldbody><body name="b"><joint/><geom size="1"/>'
+            "</body></worldbody></mujoco>"
+        )
+    path = tmp_path / "main.xml"
+    path.write_text("""<mujoco><compiler conflict="merge"/>
+<asset><model name="m" file="one.xml"/><model name="n" file="two.xml"/></asset>
+<worldbody><attach model="m" body="b" prefix="p_"/><attach model="n" body="b" prefix="q_"/>
+</worldbody></mujoco>""")
+    with pytest.raises(ValueError, match="Attach conflict"):
+        mj.MjModel.from_xml_path(str(path))
+    with pytest.raises(lw.MechanismError, match=r"two.xml: line 1: <option>: wind is another one"):
+        load(path)
 
 
 def test_files_outside_stated_folders_are_left_out_with_a_warning(tmp_path):
@@ -198,3 +254,21 @@ def test_attachments_that_are_refused(attached, sentence, tmp_path):
 def test_models_that_are_refused(old, new, sentence, tmp_path):
     with pytest.raises(lw.MechanismError, match=sentence):
         load(written(tmp_path, ATTACHED["body"], leg=LEG.replace(old, new)))
+
+
+def test_actuators_that_an_option_switches_off_are_told(tmp_path):
+    off = '<option actuatorgroupdisable="1 3"/>'
+    leg = LEG.replace("<asset>", f"{off}<asset>").replace('kp="3"', 'kp="3" group="3"')
+    path = written(tmp_path, ATTACHED["body"], leg=leg)
+    said = "<option> switches off actuators of some groups, which is left out: take these out"
+    alone = path.parent / "parts" / "leg.xml"
+    assert any(said in caveat for caveat in load(alone).mechanism.caveats)
+    assert not load(path).mechanism.caveats
+    text = path.read_text()
+    path.write_text(text.replace("<compiler", '<compiler conflict="merge"'))
+    assert any(said in caveat for caveat in load(path).mechanism.caveats)
+    alone.write_text(alone.read_text().replace("1 3", "1 2"))
+    assert not load(path).mechanism.caveats
+    alone.write_text(alone.read_text().replace("1 2", "one"))
+    with pytest.raises(lw.MechanismError, match="actuatorgroupdisable"):
+        load(alone)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 
 from linkwork.formats import xml
+from linkwork.formats.mjcf.options import taken_over
 from linkwork.formats.mjcf.replicas import KINDS, REFERENCES, Known, every, references
 from linkwork.formats.xml import Element
 
@@ -41,28 +42,33 @@ class Attachable:
 class AttachmentWriter:
     """Write out what is attached to one document.
 
+    root: the document's
     opened: reads the model that an asset names; None where its file is not to be opened
     models: by their names
     sections: what comes with the bodies
     remarks: on what is left out
     """
 
+    root: Element
     opened: Callable[[Element], Attachable | None]
     models: dict[str, Attachable | None] = field(default_factory=dict)
     sections: list[Element] = field(default_factory=list)
     remarks: list[Remark] = field(default_factory=list)
     count: int = 0
 
-    def written(self, root: Element) -> Element:
+    def written(self) -> Element:
         """Return the whole document without <attach>, but for what is not opened."""
-        for asset in (model for section in root.each("asset") for model in section.each("model")):
+        for asset in (
+            model for section in self.root.each("asset") for model in section.each("model")
+        ):
             model = self.opened(asset)
             own = model.root.attributes.get("model", "") if model else ""
             self.models[asset.attributes.get("name", own)] = model
         children = [
-            self.within(child, 2) if child.tag == "worldbody" else child for child in root.children
+            self.within(child, 2) if child.tag == "worldbody" else child
+            for child in self.root.children
         ]
-        return replace(root, children=[*children, *self.sections])
+        return replace(self.root, children=[*children, *self.sections])
 
     def within(self, element: Element, depth: int) -> Element:
         """Return an element with what is attached in it; depth: of elements around what it
@@ -103,6 +109,8 @@ class AttachmentWriter:
         carried = [section for section in model.root.children if section.tag in CARRIED]
         carried += self.referring(model.root, known)
         self.sections += [prefixed(section, prefix, 1) for section in carried]
+        so_far = replace(self.root, children=[*self.root.children, *self.sections])
+        self.sections += taken_over(so_far, model.root)
         return replace(
             element,
             tag="frame",

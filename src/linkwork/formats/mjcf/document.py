@@ -16,6 +16,7 @@ import numpy as np
 
 from linkwork.formats import poses, xml
 from linkwork.formats.mjcf.attachments import Attachable, AttachmentWriter, Remark
+from linkwork.formats.mjcf.options import MERGE, mode_of
 from linkwork.formats.mjcf.replicas import ReplicaWriter
 from linkwork.formats.xml import Element
 from linkwork.mechanism import MechanismError
@@ -34,7 +35,6 @@ TIED = "is left out, as MuJoCo does: it ties a replica to what is none"
 OVERRULED = "is left out: the options of the model that it is attached to hold"
 UNSET = "is left out: the keyframes of attached models are not read"
 CLASSED = ("asset", "tendon", "equality", "actuator")  # whose elements stand in no body
-SET_BY_OPTIONS = ("gravity", "density", "viscosity", "wind")
 
 
 @dataclass(frozen=True)
@@ -184,8 +184,8 @@ class Document:
         document = cls(root, {OWN: compiler}, defaults)
         # Attached models first: they may stand in a replica.
         models = _Models(document, includes, (*around, root.file.resolve()))
-        attaching = AttachmentWriter(models.opened)
-        root = attaching.written(root)
+        attaching = AttachmentWriter(root, models.opened)
+        root = attaching.written()
         writer = ReplicaWriter(document.turned)
         root = writer.written(root)
         tied = [(element, TIED, False) for element in writer.lost]
@@ -347,13 +347,8 @@ class _Models:
             self.document.defaults[scope + name] = table
         # What is not taken over.
         self.remarks += model.remarks
-        merged = any(
-            section.attributes.get("conflict", "warning") != "warning"
-            for section in self.document.root.each("compiler")
-        )
-        for option in model.root.each("option"):
-            moving = bool(option.children or {*SET_BY_OPTIONS} & {*option.attributes})
-            self.remarks.append((option, OVERRULED, merged and moving))
+        if mode_of(self.document.root) != MERGE:
+            self.remarks += [(each, OVERRULED, False) for each in model.root.each("option")]
         self.remarks += [(keys, UNSET, False) for keys in model.root.each("keyframe")]
         # Bodies give their class to what is in them; all else has one.
         classes, main = self.document.defaults, scope + MAIN

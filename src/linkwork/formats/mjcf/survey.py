@@ -44,6 +44,10 @@ SILENT_ELEMENTS = {
     "layer",
 }
 
+OFF = "actuatorgroupdisable"
+GROUPS_OFF = (
+    "switches off actuators of some groups, which is left out: take these out of the file instead"
+)
 MAKERS = ("composite", "attach", "flexcomp")
 """Elements of bodies by which MuJoCo's compiler makes others."""
 UNMADE = (
@@ -93,7 +97,7 @@ ATTRIBUTES: dict[str, set[str]] = {
         "ls_tolerance", "noslip_iterations", "noslip_tolerance", "ccd_iterations", "ccd_tolerance",
         "cone", "jacobian", "impratio", "apirate", "magnetic", "o_margin", "o_solref", "o_solimp",
         "o_friction", "sdf_iterations", "sdf_initpoints",
-        "actuatorgroupdisable", "sleep_tolerance", "density", "viscosity", "wind",
+        OFF, "sleep_tolerance", "density", "viscosity", "wind",
     },
     "body": POSE | {"childclass", "fuse", "sleep", "simple", "gravcomp"},
     "worldbody": POSE | {"childclass"},
@@ -169,7 +173,16 @@ def survey(document: Document, notes: Notes, unmade: str = UNMADE) -> None:
             notes.on(
                 section, SECTIONS.get(section.tag, "is left out: it is not known"), alters=told
             )
+    _switched_off(document, notes)
+
+
+def _switched_off(document: Document, notes: Notes) -> None:
+    """Note what options switch off that acts here."""
+    actuators = [document.resolved(raw, "actuator") for raw in document.each("actuator")]
+    groups = {actuator.number("group", 0.0) for actuator in actuators}
     for option in document.root.each("option"):
+        if groups & {*option.numbers(OFF, tuple(range(32)), ())}:
+            notes.on(option, GROUPS_OFF, alters=True)
         for flag in option.each("flag"):
             for force in FORCES:
                 if flag.attributes.get(force) == "disable":
