@@ -18,6 +18,7 @@ from linkwork.errors import LinkworkError
 
 Kind = TypeVar("Kind")
 LONGEST = 100  # characters of a value in a sentence
+NUMBERS = frozenset({float, int})
 
 
 def shown(value: object) -> str:
@@ -46,11 +47,11 @@ def amount_is(number: int, what: str) -> str:
 
 def has_truth(values: object) -> bool:
     """Tell whether a truth value is among numbers: NumPy would take it for 0 or 1."""
+    if isinstance(values, list | tuple):
+        return not NUMBERS.issuperset(map(type, values)) and any(map(has_truth, values))
     if isinstance(values, np.ndarray | np.generic):
         return values.dtype.kind == "b" or (values.dtype.kind == "O" and has_truth(values.tolist()))
-    return isinstance(values, bool) or (
-        isinstance(values, list | tuple) and any(map(has_truth, values))
-    )
+    return isinstance(values, bool)
 
 
 def plain(value: object) -> object:

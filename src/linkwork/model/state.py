@@ -4,7 +4,7 @@ dimensions."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -81,7 +81,8 @@ class State(ReadOnlyArrays):
             raise LinkworkError(
                 f"rates {shown(values.tolist())} do not fit; give {n} finite numbers: {names}"
             )
-        return replace(self, rates=np.broadcast_to(values, shape).copy())
+        rates = np.broadcast_to(values, shape).copy()
+        return State(self.positions, rates, self.q, self.coordinates, self.independent)
 
     def at(self, index: int | slice | np.ndarray) -> State:
         """Return some of the stacked states."""
