@@ -23,7 +23,7 @@ index); Chen & Angeles, Mechanism and Machine Theory 42 (2007) 1225-1237 (charac
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +33,6 @@ from linkwork.analysis.leg_wrenches import (
     RANK,
     Link,
     PlatformLeg,
-    Poses,
     legs_at,
     links_at,
     null_space,
@@ -96,16 +95,25 @@ def transmission_indices(robot: Robot, state: State) -> TransmissionIndices:
         LinkworkError: no tool or no actuators; gears; a leg with several actuators, with one that
             turns between two moving bodies, or without a unique transmission wrench, by name.
     """
+    # All moments are about the tool, however far from the ground's origin it is.
     robot.require_tool()
     require_single(robot)
-    stacked = robot.body_poses(state)
-    poses = {name: (p.reshape(-1, 3), R.reshape(-1, 3, 3)) for name, (p, R) in stacked.items()} | {
-        GROUND: (np.zeros((1, 3)), np.eye(3)[None])
+    tool, count = robot.mechanism.first_tool, int(np.prod(state.batch, dtype=int))
+    poses = {
+        name: (
+            np.broadcast_to(p.reshape(-1, 3), (count, 3)),
+            np.broadcast_to(R.reshape(-1, 3, 3), (count, 3, 3)),
+        )
+        for name, (p, R) in ({GROUND: (np.zeros(3), np.eye(3))} | robot.body_poses(state)).items()
     }
-    count = int(np.prod(state.batch, dtype=int))
+    p, R = poses[tool.body]
+    tips = p + R @ tool.frame.position
+    near = {name: (p - tips, R) for name, (p, R) in poses.items()}
+    # Legs are the same at all states.
+    legs, platform = legs_of(robot, links_at(robot, near), tool.relative_to)
+    require_driven(robot, {leg.driven.name for leg in legs if leg.driven}, platform)
     found = [
-        at_one(robot, {name: (p[k % len(p)], R[k % len(R)]) for name, (p, R) in poses.items()})
-        for k in range(count)
+        at_one(robot, [leg.at(k) for leg in legs], platform, tip) for k, tip in enumerate(tips)
     ]
     n = len(robot.actuators)
     parts = [
@@ -127,18 +135,15 @@ def require_single(robot: Robot) -> None:
             )
 
 
-def at_one(robot: Robot, poses: Poses) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return input and output indices (n) and transmission wrenches (n, 6) at one configuration."""
-    tool, length = robot.mechanism.first_tool, robot.equations.tree.length
-    base, width = tool.relative_to, widths(length)
-    # All moments are about the tool, however far from the ground's origin it is.
-    p, R = poses[tool.body]
-    tip = p + R @ tool.frame.position
-    near = {name: (p - tip, R) for name, (p, R) in poses.items()}
-    legs, platform = legs_of(robot, links_at(robot, near), base)
+def at_one(
+    robot: Robot, legs: list[PlatformLeg], platform: str, tip: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return input and output indices (n) and transmission wrenches (n, 6) at one configuration, by
+    legs there, moments about the tip (3)."""
+    base, length = robot.mechanism.first_tool.relative_to, robot.equations.tree.length
+    width = widths(length)
     found = [transmitted(leg, base, platform, length) for leg in legs]
     by_actuator = {leg.driven.name: k for k, leg in enumerate(legs) if leg.driven}
-    require_driven(robot, by_actuator, base, platform)
     # What holds the platform but for one actuator leaves it one motion.
     inputs, outputs, wrenches = [], [], []
     for name in robot.actuators:
@@ -172,10 +177,11 @@ def legs_of(robot: Robot, links: list[Link], base: str) -> tuple[list[PlatformLe
     return legs, platform
 
 
-def require_driven(robot: Robot, by_actuator: Mapping[str, int], base: str, platform: str) -> None:
+def require_driven(robot: Robot, driven: Container[str], platform: str) -> None:
     """Refuse actuators that are in no leg."""
+    base = robot.mechanism.first_tool.relative_to
     for name in robot.actuators:
-        if name not in by_actuator:
+        if name not in driven:
             raise LinkworkError(
                 f"the actuator {name!r} is in no leg between {base!r} and {platform!r}; "
                 "transmission indices need legs with one actuator each"

@@ -34,10 +34,11 @@ Poses = dict[str, tuple[np.ndarray, np.ndarray]]
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """Hold a joint at a configuration: bodies, what it holds (k, 6), the places (2, 3) of its two
-    frames, the direction (3) of an axis that it turns about, zero without one.
+    """Hold a joint at a configuration, or at a stack of them: bodies, what it holds (..., k, 6),
+    the places (..., 2, 3) of its two frames, the direction (..., 3) of an axis that it turns
+    about, zero without one.
 
-    twist: of the second body for a unit rate, where the joint is driven
+    twist: (..., 6) of the second body for a unit rate, where the joint is driven
     """
 
     name: str
@@ -47,16 +48,25 @@ class Link:
     axis: np.ndarray
     twist: np.ndarray | None = None
 
+    def at(self, k: int) -> Link:
+        """Return it at one of its configurations."""
+        twist = None if self.twist is None else self.twist[k]
+        return Link(self.name, self.bodies, self.held[k], self.places[k], self.axis[k], twist)
+
     def place(self, body: str) -> np.ndarray:
-        """Return where it is on one of its bodies."""
+        """Return where it is on one of its bodies, at one configuration."""
         return self.places[self.bodies.index(body)]
 
 
 @dataclass(frozen=True, eq=False)
 class PlatformLeg:
-    """Hold the links of a leg at a configuration."""
+    """Hold the links of a leg at a configuration, or at a stack of them."""
 
     links: tuple[Link, ...]
+
+    def at(self, k: int) -> PlatformLeg:
+        """Return it at one of its configurations."""
+        return PlatformLeg(tuple(link.at(k) for link in self.links))
 
     @property
     def drives(self) -> list[Link]:
@@ -76,9 +86,9 @@ class PlatformLeg:
         """Return the links at a body but for the driven one."""
         return [link for link in self.links if body in link.bodies and link is not self.driven]
 
-    def allowed(self, base: str, platform: str, length: float, locked: bool) -> np.ndarray:
-        """Return orthonormal twists (6, k) of the platform that the leg allows, turns times a
-        length."""
+    def held(self, base: str, platform: str, length: float, locked: bool) -> np.ndarray:
+        """Return orthonormal wrenches (6, k) that have no power on the twists of the platform that
+        the leg allows, moments over a length."""
         moving = [name for name in self.bodies if name != base]
         place = {name: slice(6 * k, 6 * k + 6) for k, name in enumerate(moving)}
         rows = []
@@ -89,8 +99,8 @@ class PlatformLeg:
                 if body != base:
                     row[:, place[body]] = sign * held
             rows.append(row)
-        free = null_space(np.vstack(rows))[place[platform]]
-        return span(free)
+        U, sigma, _ = np.linalg.svd(null_space(np.vstack(rows))[place[platform]])
+        return U[:, int(np.sum(sigma > RANK)) :]
 
 
 def widths(length: float) -> np.ndarray:
@@ -128,11 +138,11 @@ def transmitted(
         LinkworkError: a transmission wrench that is not unique.
     """
     width = widths(length)[:, None]
-    free, exerted = (
-        null_space(leg.allowed(base, platform, length, locked).T) * width
-        for locked in (False, True)
-    )
-    if leg.driven is None or exerted.shape[1] == free.shape[1]:
+    free = leg.held(base, platform, length, locked=False) * width
+    if leg.driven is None:
+        return np.full(6, np.nan), free
+    exerted = leg.held(base, platform, length, locked=True) * width
+    if exerted.shape[1] == free.shape[1]:
         return np.full(6, np.nan), free
     for place in (meeting(leg, platform), np.zeros(3)):
         one, other = (beside(exerted, free, place, scale) for scale in (length, 3 * length))
@@ -223,32 +233,32 @@ def forms_of(robot: Robot) -> tuple[LinkForm, ...]:
 
 
 def links_at(robot: Robot, poses: Poses) -> list[Link]:
-    """Return the joints of a robot at a configuration."""
+    """Return the joints of a robot at configurations (N)."""
     return [link_at(form, poses) for form in robot.once(forms_of)]
 
 
 def link_at(form: LinkForm, poses: Poses) -> Link:
-    """Return a joint at a configuration."""
+    """Return a joint at configurations (N)."""
     at = [poses[body] for body in form.bodies]
     (p1, R1), (p2, R2) = (
         (p + R @ own, R @ turn) for (p, R), (own, turn) in zip(at, form.frames, strict=True)
     )
     held = []
     for row in form.rows:
-        f, couple = R1 @ row.e, np.zeros(3)
+        f, couple = R1 @ row.e, np.zeros_like(p1)
         if row.length is not None:
-            f = (p2 - p1) / np.linalg.norm(p2 - p1)
+            f = (p2 - p1) / np.linalg.norm(p2 - p1, axis=-1, keepdims=True)
         if row.f is not None:
-            couple, f = cross_product((R2 if row.crossing else R1) @ row.f, f), np.zeros(3)
+            couple, f = np.cross((R2 if row.crossing else R1) @ row.f, f), np.zeros_like(p1)
         if row.pitch is not None:
             couple = -float(row.pitch) * f
-        held.append([*(couple + cross_product(p2, f)), *f])
+        held.append(np.hstack([couple + np.cross(p2, f), f]))
     axis = R1 @ form.turn
     twist = None
     if form.slide is not None:
-        twist = np.array([*axis, *(cross_product(p1, axis) + R1 @ form.slide)])
-    places = np.array([p1, p2])
-    return Link(form.name, form.bodies, np.reshape(held, (-1, 6)), places, axis, twist)
+        twist = np.hstack([axis, np.cross(p1, axis) + R1 @ form.slide])
+    wrenches = np.stack(held, axis=1) if held else np.zeros((len(p1), 0, 6))
+    return Link(form.name, form.bodies, wrenches, np.stack([p1, p2], axis=1), axis, twist)
 
 
 def legs_at(links: Sequence[Link], base: str, platform: str) -> Iterator[PlatformLeg]:
@@ -273,10 +283,11 @@ def pinned(robot: Robot, links: Sequence[Link]) -> list[Link] | None:
     if not {*robot.task} <= {"x", "y", "z"}:
         return None
     for link in links:
-        place, here = link.places[0], np.zeros((2, 3))
-        aside = np.linalg.norm(place - link.axis * (link.axis @ place))
-        hinge = len(link.held) == 5 and link.axis.any() and link.twist is None
-        if hinge and aside < away and tool.body in link.bodies:
+        place, here = link.places[:, 0], np.zeros_like(link.places)
+        along = link.axis * np.sum(link.axis * place, axis=-1, keepdims=True)
+        aside = np.linalg.norm(place - along, axis=-1)
+        hinge = link.held.shape[1] == 5 and link.axis.any() and link.twist is None
+        if hinge and (aside < away).all() and tool.body in link.bodies:
             others = [other for other in links if other is not link]
             halves = [Link(link.name, (n, PIN), link.held, here, link.axis) for n in link.bodies]
             return [*others, *halves]
