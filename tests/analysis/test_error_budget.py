@@ -96,6 +96,23 @@ def placed(robot, state):
     return p + R @ np.array(tool.frame.position), R
 
 
+def test_an_orthoglide_is_least_sensitive_where_it_is_isotropic():
+    """Caro, Wenger, Bennis & Chablat (ASME IDETC 2004, Sensitivity analysis of the Orthoglide): the
+    legs count alike, least where it is isotropic, most towards singular poses. There each leg leads
+    the tool along its own rods, by as much as both of them are too long."""
+    robot = built("orthoglide")
+    home = robot.tool_pose(robot.home)[:3]
+    steps = np.array([[0, 0, 0], [1, 0, 0], [0, -1, 0], [0.6, 0.6, 0.6], [1.2, 1.2, 1.2]])
+    states = robot.assemble(tool=home + 0.1 * steps)
+    told = error_budget(robot, states, {"rod_*.length": 1e-5})
+    J = np.concatenate(told.sensitivities, axis=-1)[:, 3:]
+    legs = J[0].reshape(3, 3, 2).sum(axis=-1)
+    np.testing.assert_allclose(np.abs(legs).round(9), np.eye(3), atol=1e-9)
+    assert told.worst[0] == pytest.approx(1e-5 * np.sqrt(3), rel=1e-9)
+    assert (told.worst[1:] > 1.0001 * told.worst[0]).all()
+    assert told.worst[4] > told.worst[3]
+
+
 def test_a_named_quantity_is_one_source():
     """Of a length that three joints bear: the sum of their sensitivities; play beside it."""
     plain = built("prr3")
