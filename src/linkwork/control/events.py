@@ -92,8 +92,6 @@ def singular_events(robot, terminal: bool = True) -> tuple[Event, ...]:
 def meeting_events(robot) -> tuple[Event, ...]:
     """Return two events for all that may meet, where it begins to press and where that ends; steps
     end there."""
-    if not robot.names.meetings:
-        return ()
     return tuple(
         event
         for name in robot.names.meetings

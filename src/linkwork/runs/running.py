@@ -186,7 +186,9 @@ def watched(
 ) -> tuple[Event, ...]:
     """Return events as such, those of the robot's own meetings and loads behind them: names stand
     for ready ones, and plain functions are watched without ending the run."""
-    own = (*meeting_events(robot), *load_events(robot))
+    names, own = robot.names, ()
+    if names.meetings or names.loaded:
+        own = (*meeting_events(robot), *load_events(robot))
     if isinstance(events, tuple) and not events:
         return own
     given: Sequence[Any] = (
