@@ -54,14 +54,11 @@ def test_the_page_shows_the_papers_figures_and_the_tables_with_units(html, compa
         assert curve.title in html
 
 
-def test_names_in_a_page_are_escaped(comparison, drawn):
+def test_names_in_a_page_are_escaped(comparison, drawn, monkeypatch):
     robot = comparison.robot
     odd = robot.mechanism.model_copy(update={"name": "<script>alert(1)</script>"})
-    original, robot.mechanism = robot.mechanism, odd
-    try:
-        page = reproduction.render(comparison, drawn)
-    finally:
-        robot.mechanism = original
+    monkeypatch.setitem(vars(robot), "mechanism", odd)
+    page = reproduction.render(comparison, drawn)
     assert "<script>alert" not in page
     assert "&lt;script&gt;alert(1)&lt;/script&gt;" in page
 
