@@ -320,7 +320,7 @@ def test_a_mesh_that_no_frame_and_scale_give_is_noted(tmp_path):
     [
         ("package://arm/parts/x.stl", "", 1, ""),
         ("parts/x.stl", "parts/x.stl", 1, ""),
-        ("x.dae", "package://arm/parts/x.stl", 1, "meshes are .stl, .obj"),
+        ("x.fbx", "package://arm/parts/x.stl", 1, "meshes are .stl, .obj"),
         ("package://hand/x.stl", "", 0, "its mesh is not there, or lies outside"),
         ("../../x.stl", "", 0, "its mesh is not there, or lies outside"),
     ],
@@ -328,7 +328,7 @@ def test_a_mesh_that_no_frame_and_scale_give_is_noted(tmp_path):
 def test_meshes_of_links(tmp_path, visual, collision, count, words):
     folder = tmp_path / "arm"
     (folder / "parts").mkdir(parents=True)
-    (folder / "x.dae").write_text("")
+    (folder / "x.fbx").write_text("")
     write_stl(folder / "parts" / "x.stl", *lump())
     shown = [
         f'<{tag}><geometry><mesh filename="{file}" scale="1 2 3"/></geometry></{tag}>'

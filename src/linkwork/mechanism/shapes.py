@@ -265,7 +265,7 @@ def _whole(path: str) -> str:
 
 
 class MeshFile(ShapeBase):
-    """Show the triangles of a file: STL, OBJ, PLY, OFF, glTF or MSH.
+    """Show the triangles of a file: STL, OBJ, PLY, OFF, glTF, COLLADA or MSH.
 
     They have the file's own axes, and its unit times `scale`. Counter-clockwise seen from outside,
     as files have them, and closed, they have a mass too.

@@ -1,4 +1,5 @@
-"""Files of meshes: STL, OBJ, PLY, OFF and glTF by trimesh, and MSH, the binary format of MuJoCo.
+"""Files of meshes: STL, OBJ, PLY, OFF and glTF by trimesh, COLLADA, and MSH, the binary format of
+MuJoCo.
 
 MSH: four whole numbers (vertices, normals, texture coordinates, triangles), then the vertices as
 three floats each, normals, texture coordinates, and the corners of the triangles as whole numbers.
@@ -15,17 +16,18 @@ from pathlib import Path
 import numpy as np
 
 from linkwork.errors import LinkworkError
+from linkwork.solids.collada import read_collada
 from linkwork.solids.triangles import Triangles, hull_of
 
-SUFFIXES = (".stl", ".obj", ".msh", ".ply", ".off", ".glb", ".gltf")
+SUFFIXES = (".stl", ".obj", ".msh", ".ply", ".off", ".glb", ".gltf", ".dae")
 LARGEST = 200_000_000  # bytes
 KEPT = 64  # meshes in memory
 GROUPS = (b"g", b"o")  # keywords with which a group of an OBJ file begins
 
 
 def read_mesh(path: Path, first_group: bool = False) -> Triangles:
-    """Read the triangles of a file, in its own units and axes; one that has points only is their
-    convex hull.
+    """Read the triangles of a file, in its own units and axes, those of COLLADA in metres; one that
+    has points only is their convex hull.
 
     Args:
         first_group: of an OBJ file with several groups or objects only the first, as MuJoCo does.
@@ -57,7 +59,10 @@ def _kept(path: Path, first_group: bool, changed: int, size: int) -> Triangles:
     content = path.read_bytes()
     if suffix == ".obj" and first_group:
         content = of_first_group(content)
-    vertices, faces = _msh(content) if suffix == ".msh" else _by_trimesh(content, path)
+    if suffix == ".dae":
+        vertices, faces = read_collada(content)
+    else:
+        vertices, faces = _msh(content) if suffix == ".msh" else _by_trimesh(content, path)
     if not len(vertices) or not np.isfinite(vertices).all():
         raise LinkworkError("holds no mesh of finite points")
     if len(faces) and not (faces.min() >= 0 and faces.max() < len(vertices)):
