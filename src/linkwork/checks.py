@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
@@ -43,6 +44,13 @@ def amount(number: int, what: str) -> str:
 def amount_is(number: int, what: str) -> str:
     """Return a number of things as the subject of a sentence: "1 joint is", "2 bodies are"."""
     return f"{amount(number, what)} {'is' if number == 1 else 'are'}"
+
+
+def listed(text: str, names: Iterable[str]) -> tuple[str, ...]:
+    """Return the names that a text lists by ", ", which may be part of a name."""
+    longest = sorted(map(re.escape, names), key=len, reverse=True)
+    found = re.findall(f"(?:^|, )({'|'.join(longest)})(?=, |$)", text)
+    return tuple(found if ", ".join(found) == text else text.split(", "))
 
 
 def has_truth(values: object) -> bool:

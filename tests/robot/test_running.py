@@ -155,6 +155,25 @@ def test_a_resumed_run_keeps_the_parameters_of_the_robot(tmp_path):
         np.testing.assert_allclose(light["kinetic_energy"].values[-1], 0.5 * whole, rtol=1e-6)
 
 
+def test_names_with_commas_and_equals_signs_are_read_off_runs(tmp_path):
+    body, joint, mass = "block, left = 2", "slide, x", "block, left = 2.mass"
+    block = lw.Mechanism(
+        bodies={body: lw.Body(mass=2.0)},
+        joints={joint: lw.PrismaticJoint(connects=("ground", body))},
+        actuators=(joint,),
+        gravity=(0, 0, 0),
+    )
+    robot = lw.Robot(block).free(mass)
+    run = robot.simulate(robot.home, [1.0], duration=1.0, parameters={mass: 4.0})
+    run.save(tmp_path / "run.nc")
+    for one in (run, lw.Run.load(tmp_path / "run.nc")):
+        assert one.final.independent == (joint,)
+        rest = robot.resume(one, [1.0], duration=1.0)
+        assert rest.final[joint] == pytest.approx(0.5)
+    with pytest.raises(lw.LinkworkError, match="= 4, which is 2 here and not free; resume it by"):
+        lw.Robot(block).resume(run, [1.0], duration=1.0)
+
+
 def test_a_run_without_actuators_is_saved_loaded_and_resumed(tmp_path):
     """NetCDF 3 reads a dimension of length zero as one without end."""
     mechanism = lw.robots.double_pendulum().model_copy(update={"actuators": ()})

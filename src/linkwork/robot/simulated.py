@@ -122,18 +122,18 @@ class Simulated(Dynamics):
             duration: how long to go on [s].
             forces, options: as for `simulate`; a run does not hold controllers, drives and
                 wrenches: give them again, a sampled controller with the delay that it had.
-                    Parameters of the robot keep the values that they had in the
-                run, unless `parameters` gives others.
+                Parameters of the robot keep the values that they had in the run, unless
+                `parameters` gives others.
 
         Raises:
             LinkworkError: as `simulate`; options that it has not; what does not fit the run.
         """
-        from linkwork.runs import running
+        from linkwork.runs import resuming
 
         checks.known(options, OPTIONS, "option of a run")
         acting = {name: options.pop(name) for name in ACTING & options.keys()}
-        return running.resume(
-            self, run, forces, running.Settings(duration=duration, **options), **acting
+        return resuming.resume(
+            self, run, forces, resuming.Settings(duration=duration, **options), **acting
         )
 
     def ensemble(

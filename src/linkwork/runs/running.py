@@ -1,12 +1,9 @@
-"""Running: check what a simulation is asked for, make its system, and start or resume it."""
+"""Running: check what a simulation is asked for, make its system, and start it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from linkwork.checks import by_name, several, shown
 from linkwork.control.events import (
@@ -17,7 +14,6 @@ from linkwork.control.events import (
     singular_events,
 )
 from linkwork.errors import LinkworkError
-from linkwork.model.chart_transfer import chart_in
 from linkwork.model.parameters import with_parameters
 from linkwork.model.state import State
 from linkwork.patience import ongoing
@@ -25,7 +21,7 @@ from linkwork.runs import recording
 from linkwork.runs.recording import Left
 from linkwork.runs.settings import Settings
 from linkwork.runs.system import Forces, System, require_starts, system
-from linkwork.simulation import Pace, Run, Signal
+from linkwork.simulation import Run, Signal
 
 if TYPE_CHECKING:
     from linkwork.model.model import Model
@@ -99,80 +95,6 @@ def prepared(
             f"{runs.acting.held}; give it the delay that it ran with"
         )
     return robot, state, runs, settings
-
-
-def resume(
-    robot: Model,
-    run: Run,
-    forces: Forces,
-    settings: Settings,
-    *,
-    parameters: Mapping[str, float] | None = None,
-    **acting: Any,
-) -> Run:
-    """Go on from the end of a run: see `Robot.resume`. acting: drives and wrenches."""
-    state, left, own = left_by(robot, run)
-    values = {**own, **by_name(parameters, "parameters", EXAMPLE)}
-    return simulate(robot, state, forces, settings, parameters=values, left=left, **acting)
-
-
-def left_by(robot: Model, run: Run) -> tuple[State, Left, dict[str, float]]:
-    """Return the state in which a run ended, what else it had there, and its values of the robot's
-    parameters."""
-    if not isinstance(run, Run):
-        raise LinkworkError(
-            f"a run is resumed, not {type(run).__name__}; give what robot.simulate or Run.load "
-            "returns"
-        )
-    # Where the run ended, as far as it tells.
-    try:
-        q, v = (
-            np.atleast_1d(np.asarray(run.attrs[name], float)) for name in ("final_q", "final_v")
-        )
-        independent = tuple(str(run.attrs["final_rates"]).split(", "))
-        start, pace = (
-            float(run.attrs["final_time"]),
-            Pace(*np.asarray(run.attrs["final_pace"], float).tolist()),
-        )
-    except KeyError as error:
-        raise LinkworkError(f"the run cannot be resumed: it does not hold {error}") from None
-    n = len(independent)
-    if q.size != robot.equations.nq or n != robot.mobility:
-        raise LinkworkError("the run belongs to another robot and cannot be resumed by this one")
-    # The state there, in the chart that it ended in, with the whole turns of its joints.
-    state = replace(robot.make_state(q, v[:n]), independent=independent)
-    if "final_windings" in run.attrs:
-        windings = np.atleast_1d(np.asarray(run.attrs["final_windings"], float))
-        if windings.size != len(robot.coordinates):
-            raise LinkworkError(
-                "the run belongs to another robot and cannot be resumed by this one"
-            )
-        state = replace(state, positions=robot.labels.turned(state.positions, windings))
-    if independent != robot.independent:
-        chart = chart_in(robot, independent, q, least=np.finfo(float).eps)
-        if chart is None:
-            raise LinkworkError(
-                f"the run cannot be resumed: its rates {', '.join(independent)} do not determine "
-                "the motion where it ended"
-            )
-        robot.charts[independent] = chart
-    # What else it goes on with: held inputs, counted turns, parameters, extra states.
-    held, turns = (
-        np.atleast_1d(np.asarray(run.attrs[name], float)) if name in run.attrs else None
-        for name in ("final_held", "final_turns")
-    )
-    own = {name: value for name, value in recorded(run).items() if name in robot.parameters}
-    return state, Left(start, v[n:], pace, held, turns), own
-
-
-def recorded(run: Run) -> dict[str, float]:
-    """Return the values of parameters that a run tells of."""
-    entries = str(run.attrs.get("parameters", "")).split(", ")
-    return {
-        name: float(value)
-        for name, _, value in (entry.partition(" = ") for entry in entries)
-        if value
-    }
 
 
 def smooth(runs: System, inputs: Sequence[Signal]) -> bool:

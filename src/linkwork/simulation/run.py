@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import amount, count, file_path, finite, shown, suggestion
+from linkwork.checks import amount, count, file_path, finite, listed, shown, suggestion
 from linkwork.errors import LinkworkError
 from linkwork.notebooks import Portrayed
 from linkwork.simulation.run_files import (
@@ -413,7 +413,7 @@ def _final_state(attrs: dict[str, Any], coords: Mapping[str, Variable]) -> "Stat
         np.atleast_1d(np.asarray(attrs.pop(f"{FINAL}_{name}"), float))
         for name in ("positions", "rates", "q")
     )
-    names = tuple(name for name in str(attrs.pop(f"{FINAL}_names")).split(", ") if name)
+    names = listed(str(attrs.pop(f"{FINAL}_names")), map(str, coords["rate"].values))
     labels = tuple(map(str, coords["coordinate"].values))
     return State(positions, rates, q, labels, names)
 

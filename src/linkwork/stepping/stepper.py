@@ -22,7 +22,7 @@ from linkwork.errors import LinkworkError
 from linkwork.model import chart_transfer, checks
 from linkwork.model.state import State
 from linkwork.patience import interruptions_held
-from linkwork.runs import endings, recording, running
+from linkwork.runs import endings, recording, resuming, running
 from linkwork.runs.passage import SOFT, Departure, Segment, Stand, portion
 from linkwork.runs.recording import Left
 from linkwork.runs.run_record import RunRecord
@@ -98,7 +98,7 @@ class Stepper:
         fixed = self.dt if method in FIXED else None
         settings = Settings(duration=self.dt, method=method, step=fixed, rtol=rtol, atol=atol)
         begun, left, own = (
-            running.left_by(robot, state) if isinstance(state, Run) else (state, None, {})
+            resuming.left_by(robot, state) if isinstance(state, Run) else (state, None, {})
         )
         require_one(robot, begun)
         given = {**own, **(parameters or {})} if own else parameters

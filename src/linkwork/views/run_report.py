@@ -22,6 +22,7 @@ from linkwork.mechanism import GearJoint, Limits, Mechanism
 from linkwork.mechanism.parameter_units import with_unit
 from linkwork.robot import Robot, State
 from linkwork.runs.quantities import QUANTITIES, SavedQuantity
+from linkwork.runs.resuming import recorded
 from linkwork.simulation import Run
 from linkwork.views.film import Film, film
 from linkwork.views.motion import plot_motion, run_states
@@ -328,9 +329,8 @@ def computed_table(robot: Robot, run: Run) -> PageTable:
             ),
         ),
     ]
-    if told.get("parameters"):
-        given = str(told["parameters"]).split(", ")
-        shown = (with_unit(robot.mechanism, each.partition(" = ")[0], each) for each in given)
+    if given := recorded(run):
+        shown = (with_unit(robot.mechanism, n, f"{n} = {x!r}") for n, x in given.items())
         rows.append(("parameters", ", ".join(shown)))
     return PageTable("How the run was computed.", ("", ""), rows, numbers=False)
 

@@ -1,0 +1,117 @@
+"""Resuming: read off a run where it ended, and go on from there."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from linkwork.checks import by_name, listed
+from linkwork.errors import LinkworkError
+from linkwork.mechanism import MechanismError
+from linkwork.mechanism.numbers import located
+from linkwork.model.chart_transfer import chart_in
+from linkwork.model.state import State
+from linkwork.runs.recording import Left
+from linkwork.runs.running import EXAMPLE, simulate
+from linkwork.runs.settings import Settings
+from linkwork.runs.system import Forces
+from linkwork.simulation import Pace, Run
+
+if TYPE_CHECKING:
+    from linkwork.model.model import Model
+
+OTHER_ROBOT = "the run belongs to another robot and cannot be resumed by this one"
+
+
+def resume(
+    robot: Model,
+    run: Run,
+    forces: Forces,
+    settings: Settings,
+    *,
+    parameters: Mapping[str, float] | None = None,
+    **acting: Any,
+) -> Run:
+    """Go on from the end of a run: see `Robot.resume`. acting: drives and wrenches."""
+    state, left, own = left_by(robot, run)
+    values = {**own, **by_name(parameters, "parameters", EXAMPLE)}
+    return simulate(robot, state, forces, settings, parameters=values, left=left, **acting)
+
+
+def left_by(robot: Model, run: Run) -> tuple[State, Left, dict[str, float]]:
+    """Return the state in which a run ended, what else it had there, and its values of the robot's
+    parameters."""
+    if not isinstance(run, Run):
+        raise LinkworkError(
+            f"a run is resumed, not {type(run).__name__}; give what robot.simulate or Run.load "
+            "returns"
+        )
+    # Where the run ended, as far as it tells.
+    try:
+        q, v = (
+            np.atleast_1d(np.asarray(run.attrs[name], float)) for name in ("final_q", "final_v")
+        )
+        independent = listed(str(run.attrs["final_rates"]), robot.rates)
+        start, pace = (
+            float(run.attrs["final_time"]),
+            Pace(*np.asarray(run.attrs["final_pace"], float).tolist()),
+        )
+    except KeyError as error:
+        raise LinkworkError(f"the run cannot be resumed: it does not hold {error}") from None
+    n = len(independent)
+    if q.size != robot.equations.nq or n != robot.mobility:
+        raise LinkworkError(OTHER_ROBOT)
+    # The state there, in the chart that it ended in, with the whole turns of its joints.
+    state = replace(robot.make_state(q, v[:n]), independent=independent)
+    if "final_windings" in run.attrs:
+        windings = np.atleast_1d(np.asarray(run.attrs["final_windings"], float))
+        if windings.size != len(robot.coordinates):
+            raise LinkworkError(OTHER_ROBOT)
+        state = replace(state, positions=robot.labels.turned(state.positions, windings))
+    if independent != robot.independent:
+        chart = chart_in(robot, independent, q, least=np.finfo(float).eps)
+        if chart is None:
+            raise LinkworkError(
+                f"the run cannot be resumed: its rates {', '.join(independent)} do not determine "
+                "the motion where it ended"
+            )
+        robot.charts[independent] = chart
+    # What else it goes on with: held inputs, counted turns, parameters, extra states.
+    held, turns = (
+        np.atleast_1d(np.asarray(run.attrs[name], float)) if name in run.attrs else None
+        for name in ("final_held", "final_turns")
+    )
+    own, others = {}, recorded(run)
+    for name in list(others):
+        if name in robot.parameters:
+            own[name] = others.pop(name)
+    refuse_other_numbers(robot, others)
+    return state, Left(start, v[n:], pace, held, turns), own
+
+
+ENTRY = re.compile(r"(.+?) = (-?[\d.]+(?:e[-+]\d+)?)(?:, |$)")
+"""A parameter as a run tells of it; its name may hold commas and equals signs."""
+
+
+def recorded(run: Run) -> dict[str, float]:
+    """Return the values of parameters that a run tells of."""
+    entries = ENTRY.findall(str(run.attrs.get("parameters", "")))
+    return {name: float(value) for name, value in entries}
+
+
+def refuse_other_numbers(robot: Model, values: Mapping[str, float]) -> None:
+    """Refuse values that a run had of numbers which this robot holds with other ones, not free."""
+    for path, value in values.items():
+        try:
+            _, held = located(robot.mechanism, path)
+        except MechanismError:  # of a controller or a drive
+            continue
+        if held != value:
+            raise LinkworkError(
+                f"the run had {path} = {value:g}, which is {held:g} here and not free; resume it "
+                f"by the robot that it is of, or free the number: robot.free({path!r})"
+            )
