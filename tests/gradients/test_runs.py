@@ -516,8 +516,6 @@ def test_names_and_weights_that_do_not_fit(run):
 
 def test_what_has_no_derivative(run, tmp_path):
     robot = lw.Robot("prr3")
-    stiff = robot.simulate(robot.home, duration=0.01, method="rodas")
-    refused("steps of Rodas5P are not differentiated", stiff.sensitivity)
     called = robot.simulate(robot.home, Sampler(lambda t, s: [0, 0, 0]), duration=0.01)
     refused("a Python function", called.sensitivity)
     rounded = Sampler(led, quantise=1e-3, compiled=True)

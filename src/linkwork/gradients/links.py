@@ -13,13 +13,15 @@ with y'+ = 0 at the end. Source: Aizerman & Gantmacher 1958 (saltation).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from linkwork.gradients import native_sweeps
-from linkwork.gradients.native_steps import DerivativeKernels, StateSizes
+from linkwork.gradients.native_steps import DerivativeKernels, StateSizes, StiffKernels
 
 
 @dataclass(eq=False)
@@ -174,6 +176,7 @@ class Steps(RunLink):
     """
 
     kernels: DerivativeKernels
+    stiff: StiffKernels | None
     sizes: StateSizes
     p: np.ndarray
     plan: np.ndarray
@@ -189,6 +192,17 @@ class Steps(RunLink):
     numbers: np.ndarray
 
     @property
+    def _sweeps(self) -> tuple[Callable[..., None], Callable[..., float]]:
+        """What leads tangents along, and adjoints back; that of stiff steps is compiled when it is
+        first asked for."""
+        if self.stiff is None:
+            return native_sweeps.tangent, native_sweeps.adjoint
+        from linkwork.gradients import native_stiff_sweeps as stiff
+
+        own = tuple(self.stiff)
+        return partial(stiff.tangent, own), partial(stiff.adjoint, own)
+
+    @property
     def _given(self) -> tuple[Any, ...]:
         head = tuple(self.kernels), tuple(self.sizes), self.p, self.plan, self.plan_apart
         return (*head, self.signal, self.t, self.y, self.held, self.places, self.times)
@@ -197,7 +211,8 @@ class Steps(RunLink):
         count, n = changes.y.shape
         dy, held = np.array(changes.y, order="C"), np.ascontiguousarray(changes.held)
         ends, inner = np.empty((len(self.t), count, n)), np.empty((len(self.places), count, n))
-        native_sweeps.tangent(*self._given, changes.p, changes.signal, held, dy, ends, inner)
+        tangent, _ = self._sweeps
+        tangent(*self._given, changes.p, changes.signal, held, dy, ends, inner)
         changes.y = dy
         changes.sample_y[self.at_rows], changes.sample_y[self.numbers] = ends[self.rows], inner
         changes.sample_held[self.at_rows] = changes.sample_held[self.numbers] = held
@@ -209,9 +224,8 @@ class Steps(RunLink):
         for numbers in (self.at_rows, self.numbers) if held.size else ():
             held += slopes.sample_held[numbers].sum(axis=0)
         signal = slopes.signal.reshape(-1)
-        slopes.integral += native_sweeps.adjoint(
-            *self._given, ends, inner, 1.0, bar, slopes.p, signal, held
-        )
+        _, adjoint = self._sweeps
+        slopes.integral += adjoint(*self._given, ends, inner, 1.0, bar, slopes.p, signal, held)
         slopes.y, slopes.held = bar, held
 
 

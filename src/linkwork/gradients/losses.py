@@ -30,7 +30,7 @@ from linkwork.model.state import State
 from linkwork.runs.run_record import RunRecord
 from linkwork.runs.running import EXAMPLE, watched
 from linkwork.runs.system import Forces, System, system
-from linkwork.simulation import Run, Sampled, stack
+from linkwork.simulation import Run
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +103,8 @@ def loss_gradient(
         value += evaluated(of, count)
     found = led_back(of, numbers, slopes)
     samples = None
-    if isinstance(forces, Sampled) and len(numbers.commands):
-        samples = by_samples(of, numbers, forces, slopes.signal)
+    if numbers.samples:
+        samples = numbers.by_samples(slopes)
     value += slopes.integral
     if not isfinite(value):
         raise LinkworkError(
@@ -173,12 +173,3 @@ def evaluated(of: Retraced, number: int) -> float:
     chart, end = of.segments[-1].chart, of.samples
     kernel = of.system.kernel(chart, "events")
     return float(kernel.flat(end.y[-1], end.u[-1], of.system.p(chart))[number])
-
-
-def by_samples(of: Retraced, numbers: Numbers, forces: Sampled, signal: np.ndarray) -> np.ndarray:
-    """Return derivatives (N, actuators) by the values of sampled forces, from those by the
-    coefficients of the inputs (4 pieces, columns), which are linear in them."""
-    count = len(forces.times)
-    one_each = Sampled(forces.times, np.eye(count), forces.kind).signal
-    shares = stack(one_each, of.system.inputs).coefficients[:, :, :count].reshape(-1, count)
-    return shares.T @ signal[:, list(numbers.commands)]

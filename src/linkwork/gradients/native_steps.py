@@ -36,6 +36,14 @@ class DerivativeKernels(NamedTuple):
     closure_against: int
 
 
+class StiffKernels(NamedTuple):
+    """Addresses of the kernels that Rosenbrock steps need beside the others."""
+
+    jacobian: int
+    bend: int
+    bend_against: int
+
+
 class StateSizes(NamedTuple):
     """Say how many numbers there are.
 

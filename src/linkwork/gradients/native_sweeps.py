@@ -36,6 +36,12 @@ _list, _table, _cube = (
 _open_list, _open_table, _open_cube = (
     types.Array(types.float64, dimensions, "C") for dimensions in (1, 2, 3)
 )
+_steps = (
+    *(flat(DerivativeKernels), flat(StateSizes), _list, _list, _list, _list, _list),
+    *(_table, _list, _list, _list),
+)
+FORWARDS = *_steps, _table, _cube, _table, _open_table, _open_cube, _open_cube
+BACKWARDS = *_steps, _table, _table, types.float64, _open_list, _open_list, _open_list, _open_list
 
 
 @njit(**OPTIONS)
@@ -98,14 +104,7 @@ def step_along(bench, kernels, sizes, method, inputs, h, steps, dense, signals, 
             row_along(bench, kernels, sizes, method, inputs, i, signals, held, dp, dk)
 
 
-@compiled_once(
-    "the tangents of runs",
-    (
-        *(flat(DerivativeKernels), flat(StateSizes), _list, _list, _list, _list, _list),
-        *(_table, _list),
-        *(_list, _list, _table, _cube, _table, _open_table, _open_cube, _open_cube),
-    ),
-)
+@compiled_once("the tangents of runs", FORWARDS)
 def tangent(
     kernels, sizes, p, plan, plan_apart, signal, t, y, held, places, times, d_p, d_signal, d_held,
     dy, rows, samples,
@@ -193,15 +192,7 @@ def row_against(bench, kernels, sizes, inputs, i, bars, b_width, signal_bar, hel
         p_bar[c] += bar[n + columns + sizes.held + c]
 
 
-@compiled_once(
-    "the adjoints of runs",
-    (
-        *(flat(DerivativeKernels), flat(StateSizes), _list, _list, _list, _list, _list),
-        *(_table, _list),
-        *(_list, _list, _table, _table, types.float64),
-        *(_open_list, _open_list, _open_list, _open_list),
-    ),
-)
+@compiled_once("the adjoints of runs", BACKWARDS)
 def adjoint(
     kernels, sizes, p, plan, plan_apart, signal, t, y, held, places, times, row_bars, sample_bars,
     weight, bar, p_bar, signal_bar, held_bar,

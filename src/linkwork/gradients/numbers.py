@@ -22,7 +22,9 @@ from linkwork.errors import LinkworkError
 from linkwork.gradients import run_kernels
 from linkwork.gradients.links import Changes, LossSlopes
 from linkwork.gradients.retraced import Retraced, rates_jacobian
+from linkwork.simulation import Sampled, stack
 
+SAMPLES = "samples"  # the group of the values of forces that are given by samples
 OPENED = 1e-6  # opening of a loop by a parameter, in own units, that is none
 GROUPS = ("positions", "rates", "states", "forces", "parameters")
 
@@ -57,7 +59,7 @@ class Numbers:
         """The names of all numbers, in their order."""
         names = tuple(chain.from_iterable(self.groups.values()))
         for name in self.of.acting.parameters:
-            if name in GROUPS or names.count(name) > 1:
+            if name in (*GROUPS, SAMPLES) or names.count(name) > 1:
                 raise LinkworkError(
                     f"the parameter {name!r} of what acts has the name of a group of numbers, or "
                     "of another number; give it another name to differentiate the run"
@@ -73,13 +75,37 @@ class Numbers:
         columns = self.of.system.inputs.coefficients.shape[2] - read
         return range(int(acting.timed), columns)
 
+    @cached_property
+    def samples(self) -> tuple[str, ...]:
+        """The names of the values of sampled forces or commands, row by row."""
+        given = self.of.system.samples
+        if given is None:
+            return ()
+        actuators = self.of.robot.actuators
+        return tuple(f"{SAMPLES}.{name}.{k}" for k in range(len(given.times)) for name in actuators)
+
+    @cached_property
+    def shares(self) -> np.ndarray:
+        """What each row of sampled values adds to the coefficients (4 pieces, N) of the inputs."""
+        given = self.of.system.samples
+        assert given is not None
+        count = len(given.times)
+        one_each = Sampled(given.times, np.eye(count), given.kind).signal
+        return stack(one_each, self.of.system.inputs).coefficients[:, :, :count].reshape(-1, count)
+
+    def by_samples(self, slopes: LossSlopes) -> np.ndarray:
+        """Return derivatives (N, actuators) of a loss by the values of sampled forces."""
+        return self.shares.T @ slopes.signal[:, list(self.commands)]
+
     def chosen(self, to: Sequence[str] | str | None) -> tuple[str, ...]:
-        """Return the names asked for: of numbers, or of groups of them; all where none are."""
+        """Return the names asked for: of numbers, or of groups of them; all where none are, but for
+        the values of samples."""
         names = self.names
         if to is not None:
             asked = [to] if isinstance(to, str) else list(checks.names(to, "to"))
-            checks.known(asked, (*GROUPS, *self.names), "number to differentiate by")
-            found = [own for name in asked for own in self.groups.get(name, (name,))]
+            groups = self.groups | ({SAMPLES: self.samples} if self.samples else {})
+            checks.known(asked, (*groups, *names, *self.samples), "number to differentiate by")
+            found = [own for name in asked for own in groups.get(name, (name,))]
             names = tuple(dict.fromkeys(found))
         if own := self.of.robot.parameters:
             self.require_closed([name for name in names if name in own])
@@ -143,7 +169,9 @@ class Numbers:
 
     def changes(self, names: Sequence[str]) -> Changes:
         """Return the changes of a run at its start along some numbers."""
-        places = [self.names.index(name) for name in names]
+        begun = np.hstack([self.begun, np.zeros((len(self.begun), len(self.samples)))])
+        known = (*self.names, *self.samples)
+        places = [known.index(name) for name in names]
         system, count, read = self.of.system, len(names), len(self.of.samples.t)
         p = system.p(self.of.segments[0].chart)
         pieces, _, columns = system.inputs.coefficients.shape
@@ -154,8 +182,11 @@ class Numbers:
                 dp[row, parameters.index(name)] = 1
             elif name in forces:
                 signal[row, ::4, self.commands[forces.index(name)]] = 1
+            elif name in self.samples:
+                sample, column = divmod(self.samples.index(name), len(self.commands))
+                signal[row, :, self.commands[column]] = self.shares[:, sample]
         held = np.zeros((count, self.of.held))
-        dy = np.ascontiguousarray(self.begun[:, places].T)
+        dy = np.ascontiguousarray(begun[:, places].T)
         samples = (np.zeros((read, *part.shape)) for part in (dy, held, dy[:, 0]))
         return Changes(dy, held, dp, signal, *samples)
 

@@ -36,10 +36,11 @@ from linkwork.runs.passage import CLOSURE, Segment
 from linkwork.runs.run_record import RunRecord
 from linkwork.runs.system import System, with_jacobian
 from linkwork.simulation import Run, Signal, Status, Trajectory
-from linkwork.simulation.fixed_steps import FixedStep, SymplecticEuler
+from linkwork.simulation.fixed_steps import SymplecticEuler
 from linkwork.simulation.methods import METHODS
 from linkwork.simulation.native_between import ROUNDING
-from linkwork.simulation.tableaus import StepPlan, Tableau
+from linkwork.simulation.rosenbrock import RODAS
+from linkwork.simulation.tableaus import StepPlan
 
 CLOSE = 2.0**-38  # how near to an event a step ends at it, relative to the time and to the step
 ASIDE = 1e-9  # how far from an event both sides of it are looked at, likewise
@@ -141,6 +142,16 @@ class Retraced:
         rows, end = flat.reshape(len(x), -1, x.shape[1] + p.size), x.shape[1]
         inputs = self.inputs_at(states.t, from_left)
         return Partials(rows[:, :, :n], rows[:, :, n:end], rows[:, :, end:], inputs)
+
+    def values(self, name: str, of: run_kernels.Expressions, own: slice) -> np.ndarray:
+        """Return expressions (K, rows) at samples of one segment; name: theirs; own: which."""
+        states = self.samples.of(own)
+        chart, joined = self.segments[states.segment[0]].chart, self.system.joined
+        kernel = chart.compiled(
+            f"{self.acting.key} {name} values",
+            lambda _: run_kernels.read_off("values", joined(chart), of(joined(chart))),
+        )
+        return kernel(np.concatenate([states.y, states.u], axis=1), self.system.p(chart))[0]
 
     def pulled(
         self, name: str, of: run_kernels.Expressions, own: slice, bars: np.ndarray
@@ -294,8 +305,10 @@ class OfSegment:
         ends = t[rows] == times
         between = ~ends
         plan, apart = plans_of(self.segment.method)
+        kernels = self.whole.acting, self.chart, self.whole.cost
         return Steps(
-            run_kernels.addresses(self.whole.acting, self.chart, self.whole.cost),
+            run_kernels.addresses(*kernels),
+            run_kernels.stiff_addresses(*kernels) if self.segment.method == RODAS.name else None,
             self.sizes,
             self.system.p(self.chart),
             plan.table,
@@ -434,21 +447,12 @@ def symplectic(of_rates: Sequence[int], of_q: Sequence[int]) -> tuple[StepPlan, 
 
 @cache
 def plans_of(method: str) -> tuple[StepPlan, StepPlan]:
-    """Return the method of this name as loops take it, and as it steps what stands apart; refuse
-    one that is not differentiated."""
+    """Return the method of this name as loops take it, and as it steps what stands apart."""
     if method == SymplecticEuler.name:
         return symplectic(of_rates=[1, 0, 0], of_q=[0, 1, 0])
-    for entry in METHODS.values():
-        if issubclass(entry.kind, FixedStep):
-            if entry.kind.name == method:
-                return entry.kind.plan, entry.kind.plan
-        elif issubclass(entry.kind, Tableau) and (made := entry.make()).name == method:
-            assert isinstance(made, Tableau)
-            return made.plan, made.plan
-    raise LinkworkError(
-        f"steps of {method} are not differentiated; give the run another method: 'sharp_smart', "
-        "'dormand_prince', 'dop853', or 'rk4' or 'symplectic_euler' with a step"
-    )
+    known = (entry.make(1.0) if entry.fixed else entry.make() for entry in METHODS.values())
+    plan = next(each.plan for each in known if each.name == method)
+    return plan, plan
 
 
 def retraced(
@@ -522,4 +526,3 @@ def require_differentiable(record: RunRecord) -> None:
                 f"the run stepped over a singular pose by t = {segment.trajectory.end_time:.9g} s, "
                 "where it has no derivative; differentiate a run that ends before it"
             )
-        plans_of(segment.method)

@@ -7,7 +7,7 @@ of many evaluations there are products, f_x d and f_x' l; where one decides ther
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import casadi as ca
 import numpy as np
@@ -16,7 +16,7 @@ from linkwork.control.acting import Acting
 from linkwork.control.joined import Joined
 from linkwork.equations import Equations, functions
 from linkwork.equations.algebra import SX
-from linkwork.gradients.native_steps import DerivativeKernels
+from linkwork.gradients.native_steps import DerivativeKernels, StiffKernels
 from linkwork.model.charts import CompiledChart
 from linkwork.runs.system import System
 from linkwork.simulation import as_signal
@@ -39,12 +39,40 @@ def along(joined: Joined) -> ca.Function:
 
 def against(joined: Joined, cost: int | None) -> ca.Function:
     """Return (q, v, z, r, p, l) -> (y', cost)_x' l; cost: the number of an event function."""
-    f = joined.derivatives
-    if cost is not None:
-        f = ca.vertcat(f, joined.outputs["events"][cost])
+    f = judged(joined, cost)
     lead = SX.sym("l", f.numel())
     found = ca.jtimes(ca.densify(f), given(joined), lead, True)
     return function("against", joined, ca.densify(found), l=lead)
+
+
+def bend(joined: Joined) -> ca.Function:
+    """Return (q, v, z, r, p, e, d) -> the derivative of f_x e along a direction d of x; e: a
+    direction of (q, v, z, r)."""
+    x = given(joined)
+    e, d = SX.sym("e", x.numel() - joined.inputs["p"].numel()), SX.sym("d", x.numel())
+    found = ca.densify(ca.jtimes(directed(joined, joined.derivatives, e), x, d))
+    return function("bend", joined, found, e=e, d=d)
+
+
+def bend_against(joined: Joined, cost: int | None) -> ca.Function:
+    """Return (q, v, z, r, p, e, l) -> the derivative of l . (y', cost)_x e by x; e, cost: as of
+    `bend` and `against`."""
+    f, x = judged(joined, cost), given(joined)
+    e, lead = SX.sym("e", x.numel() - joined.inputs["p"].numel()), SX.sym("l", f.numel())
+    found = ca.densify(ca.jtimes(directed(joined, f, e), x, lead, True))
+    return function("bend_against", joined, found, e=e, l=lead)
+
+
+def directed(joined: Joined, f: ca.SX, e: ca.SX) -> ca.SX:
+    """Return the derivative of expressions along a direction of (q, v, z, r)."""
+    *states, _ = joined.inputs.values()
+    return ca.densify(ca.jtimes(ca.densify(f), ca.vertcat(*states), e))
+
+
+def judged(joined: Joined, cost: int | None) -> ca.SX:
+    """Return y', and a cost if there is one: the number of an event function."""
+    f = joined.derivatives
+    return f if cost is None else ca.vertcat(f, joined.outputs["events"][cost])
 
 
 def jacobian(joined: Joined, of: ca.SX) -> ca.Function:
@@ -145,11 +173,8 @@ def costs(joined: Joined, cost: int) -> ca.Function:
 @lru_cache(maxsize=256)
 def addresses(acting: Acting, chart: CompiledChart, cost: int | None) -> DerivativeKernels:
     """Return the addresses of what steps are made again and differentiated with."""
-    system, closing = System(as_signal(np.zeros(0)), acting), chart.equations.constrained
-    key, joined = acting.key, system.joined
-
-    def of_run(name: str, make: Callable[[Joined], ca.Function]) -> int:
-        return chart.compiled(f"{key} {name}", lambda _: make(joined(chart))).address
+    system, closing = joined_with(acting), chart.equations.constrained
+    of_run = partial(of_system, system, chart)
 
     def of_loops(name: str, make: Callable[[Equations], ca.Function]) -> int:
         return chart.compiled(name, make).address if closing else 0
@@ -163,3 +188,30 @@ def addresses(acting: Acting, chart: CompiledChart, cost: int | None) -> Derivat
         closure_along=of_loops("closure_along", closure_along),
         closure_against=of_loops("closure_against", closure_against),
     )
+
+
+@lru_cache(maxsize=256)
+def stiff_addresses(acting: Acting, chart: CompiledChart, cost: int | None) -> StiffKernels:
+    """Return the addresses of what Rosenbrock steps need beside `addresses`."""
+    system = joined_with(acting)
+    of_run = partial(of_system, system, chart)
+    return StiffKernels(
+        jacobian=system.jacobian(chart),
+        bend=of_run("bend", bend),
+        bend_against=of_run(f"bend_against {cost}", lambda own: bend_against(own, cost)),
+    )
+
+
+def joined_with(acting: Acting) -> System:
+    """Return a system whose kernels are those of runs in which something acts."""
+    return System(as_signal(np.zeros(0)), acting)
+
+
+def of_system(
+    system: System, chart: CompiledChart, name: str, make: Callable[[Joined], ca.Function]
+) -> int:
+    """Return the address of a kernel of what runs compute in a chart."""
+    assert system.acting is not None
+    return chart.compiled(
+        f"{system.acting.key} {name}", lambda _: make(system.joined(chart))
+    ).address

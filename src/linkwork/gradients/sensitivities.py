@@ -15,7 +15,7 @@ from linkwork.gradients.links import Changes, LossSlopes, Partials
 from linkwork.gradients.numbers import Numbers
 from linkwork.gradients.retraced import Retraced, retraced
 from linkwork.gradients.run_kernels import Expressions
-from linkwork.gradients.told import TOLD
+from linkwork.gradients.told import FOUND, TOLD
 from linkwork.simulation import Run
 from linkwork.simulation.variables import Variable, dataset_of
 
@@ -45,7 +45,7 @@ def sensitivity(
             continue
         told = run.variables[name]
         values = np.empty((told.shape[0], len(names), int(np.prod(told.shape[1:]))))
-        for own, partials in readings(of, name, TOLD[name]):
+        for own, partials in readings(of, name):
             states = changes.sample_y[own], changes.sample_held[own], changes.sample_t[own]
             values[own] = partials.along(changes, *states)
         require_finite(name, values)
@@ -76,8 +76,11 @@ def pulled_back(
         shape, bars = of.record.shape(name), checks.finite(given[name], f"weights of {name}")
         require_shape(name, bars, shape)
         bars = bars.reshape(shape[0], -1)
-        pull(of, slopes, name, TOLD[name], bars)
+        pull_back(of, slopes, name, bars)
     found = dict(zip(numbers.names, led_back(of, numbers, slopes).tolist(), strict=True))
+    if numbers.samples:
+        own = numbers.by_samples(slopes).ravel().tolist()
+        found |= zip(numbers.samples, own, strict=True)
     return {name: found[name] for name in names}
 
 
@@ -107,6 +110,16 @@ def event_against(of: Retraced, number: int, slopes: LossSlopes, bar: float) -> 
         slopes.add(np.array([place]), *of.moment_of(number).against(slopes, np.array([[bar]])))
 
 
+def pull_back(of: Retraced, slopes: LossSlopes, name: str, bars: np.ndarray) -> None:
+    """Add derivatives (S, rows) of a loss with respect to a quantity."""
+    if name in TOLD:
+        pull(of, slopes, name, TOLD[name], bars)
+        return
+    found = of.robot.once(FOUND[name])
+    parts = [found.slope(of.values(name, found, own)) for own in in_segments(of)]
+    pull(of, slopes, name, found, bars * np.concatenate(parts))
+
+
 def pull(
     of: Retraced, slopes: LossSlopes, name: str, expression: Expressions, bars: np.ndarray
 ) -> None:
@@ -124,12 +137,19 @@ def led_back(of: Retraced, numbers: Numbers, slopes: LossSlopes) -> np.ndarray:
     return found
 
 
-def readings(of: Retraced, name: str, expression: Expressions) -> Iterator[tuple[slice, Partials]]:
-    """Yield which samples are in the same segment, and the Jacobians of an expression at them; of
+def readings(of: Retraced, name: str) -> Iterator[tuple[slice, Partials]]:
+    """Yield which samples are in the same segment, and the Jacobians of a quantity at them; of
     events not."""
+    found = None if name in TOLD else of.robot.once(FOUND[name])
     for own in in_segments(of):
         states = of.samples.of(own)
-        yield own, of.partials(of.segments[states.segment[0]].chart, name, expression, states)
+        chart = of.segments[states.segment[0]].chart
+        partials = of.partials(chart, name, TOLD[name] if found is None else found, states)
+        if found is not None:
+            slope = found.slope(of.values(name, found, own))[:, None]
+            y, r, p = (slope @ part for part in (partials.y, partials.r, partials.p))
+            partials = Partials(y, r, p, partials.inputs)
+        yield own, partials
 
 
 def in_segments(of: Retraced) -> list[slice]:
@@ -150,7 +170,8 @@ def quantities_of(run: Run, quantities: Sequence[str] | str | None) -> tuple[str
     if all(name in TOLD and name in variables for name in asked):  # those that are asked for alone
         return asked
     happened = EVENT_TIME in run.coords and len(run.coords[EVENT_TIME].values)
-    known = (*(name for name in TOLD if name in variables), *(EVENT_TIME,) * bool(happened))
+    told = (name for name in (*TOLD, *FOUND) if name in variables)
+    known = (*told, *(EVENT_TIME,) * bool(happened))
     for name in asked:
         if name in variables and name not in known:
             raise LinkworkError(f"{name} is not differentiated; these are: {', '.join(known)}")

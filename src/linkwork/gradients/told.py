@@ -9,6 +9,7 @@ import casadi as ca
 from linkwork.control.joined import Joined
 from linkwork.control.observation import Quantity, expression
 from linkwork.equations import functions
+from linkwork.gradients.conditioning import Conditioning
 
 
 def joints(joined: Joined, which: str) -> ca.SX:
@@ -63,3 +64,7 @@ TOLD: Mapping[str, Callable[[Joined], ca.SX]] = {
     "drive_state": lambda joined: joined.inputs["z"][: len(joined.acting.extras)],
 }
 """What can be differentiated, by the names of `linkwork.runs.quantities`."""
+
+FOUND = {"conditioning": Conditioning}
+"""What is no expression, but found from one: made of a robot, called with what a run computes. It
+is told only where it is asked for, for there are poses at which it has no derivative."""

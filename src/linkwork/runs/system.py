@@ -51,12 +51,14 @@ class System:
     parameters: values of the parameters of controllers and drives, in the order of
         `acting.parameters`
     faults: what a sampled function raised
+    samples: of forces or commands, where these are given by samples
     """
 
     inputs: Signal
     acting: Acting | None = None
     parameters: np.ndarray = field(default_factory=lambda: np.empty(0))
     faults: list[BaseException] = field(default_factory=list)
+    samples: Sampled | None = None
 
     @cached_property
     def extras(self) -> tuple[Extra, ...]:
@@ -253,7 +255,7 @@ def system(
         return plain(robot, forces)
     # What acts, traced once, with the coordinates whose whole turns it reads as extra states.
     given: Any = forces if acts else None
-    commands = None if acts else plain(robot, forces).inputs
+    commands = None if acts else plain(robot, forces)
     names = robot.names
     with BUILDING:
         acting = acting_once(names, given, drives, wrenches, tuple(events), span)
@@ -273,9 +275,10 @@ def system(
     }
     for name in parameters:
         acting.require(name, np.array(values[name]))
-    return System(
-        acting.inputs(commands), acting, np.array([float(value) for value in values.values()])
-    )
+    numbers = np.array([float(value) for value in values.values()])
+    if commands is None:
+        return System(acting.inputs(None), acting, numbers)
+    return System(acting.inputs(commands.inputs), acting, numbers, samples=commands.samples)
 
 
 def followed_by(robot: Model, acting: Acting, state: State | None) -> Followed:
@@ -350,7 +353,7 @@ def plain(robot: Model, forces: Any) -> System:
             f"the forces have {signal.coefficients.shape[2]} columns; give {n}: "
             f"{', '.join(robot.actuators)}"
         )
-    return System(signal)
+    return System(signal, samples=forces if isinstance(forces, Sampled) else None)
 
 
 @lru_cache(maxsize=256)

@@ -305,10 +305,11 @@ class Run(Portrayed):
 
         Args:
             quantities: by name, such as "tool_pose"; all that can be differentiated if left out;
-                "event_time", when events happened.
+                "event_time", when events happened; "conditioning" where it is named.
             to: names of numbers, "rates.slide_1", or of groups of them: "positions", "rates",
                 "states", "forces", "parameters"; all if left out. They are those of
-                `linkwork.Robot.gradient`.
+                `linkwork.Robot.gradient`. Where the forces are `linkwork.Sampled`, "samples", or
+                "samples.slide_1.3", are their values [N, N m], row by row from 0.
 
         Returns:
             A dataset of d quantity / d number, over the quantity's own axes and "number".

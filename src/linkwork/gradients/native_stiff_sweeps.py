@@ -1,0 +1,292 @@
+"""Sweeps over the Rosenbrock steps of a run, forwards with tangents and backwards with adjoints,
+compiled: see `native_stiff_steps` for the equations, and `native_sweeps` for explicit steps.
+"""
+
+import numpy as np
+from numba import njit
+
+from linkwork.gradients.native_steps import (
+    DerivativeKernels,
+    StateSizes,
+    StiffKernels,
+    bench_at,
+    bench_size,
+    closed_against,
+    closed_along,
+    furnish_bench,
+    new_state,
+    weighed,
+    within,
+)
+from linkwork.gradients.native_stiff_steps import (
+    directed,
+    forced,
+    given_size,
+    rates_of,
+    solve_transposed,
+    stages_made_again,
+    stiff_at,
+    stiff_size,
+)
+from linkwork.gradients.native_sweeps import BACKWARDS, FORWARDS, row_against, row_along
+from linkwork.simulation.compiled import OPTIONS, compiled_once
+from linkwork.simulation.native_loop import flat
+from linkwork.simulation.native_parts import copy, inputs_of, method_of, padded
+from linkwork.simulation.native_rosenbrock import solve
+from linkwork.simulation.pointers import call, combine, pointer
+
+# Forwards
+
+
+@njit(**OPTIONS)
+def stages_along(
+    bench, stiff, kernels, second, sizes, method, inputs, h, signals, held, dp, dy, dk, room
+):  # fmt: skip
+    """Leave all dk of a step, for dy at its start."""
+    n, width, rows, columns = sizes.n, bench.width, method.stages, sizes.signals
+    given, e = given_size(sizes), method.e
+    # f_u du'(t), and dx_0 as the kernel of second derivatives takes it.
+    piece = int(bench.pieces[1])
+    s, forcing = bench.times[1] - inputs.knots[piece], room + columns
+    rates_of(signals + 4 * columns * piece, columns, s, room)
+    forced(stiff, n, columns, room, forcing)
+    for i in range(1, method.solution):
+        seed, slope, own = bench.x + i * bench.x_width + given, dk + i * width, i * rows
+        weighed(bench, method.a + own, bench.others.a + own, i, h, dy, dk, width, n, seed)
+        row_along(bench, kernels, sizes, method, inputs, i, signals, held, dp, dk)
+        if i == 1:
+            copy(seed, stiff.seed, given)
+        directed(bench, stiff, sizes, method, i, h)
+        call(second.bend, stiff.bent, stiff.bends)
+        slope[n] = 0.0
+        combine(e + own, i, 1.0, slope, dk, width, n, stiff.column)
+        share = h * e[own + method.solution]
+        for m in range(n):
+            slope[m] = stiff.column[m] + stiff.bends[m] + share * forcing[m]
+        solve(stiff.W, stiff.order, n, slope)
+
+
+@compiled_once("the tangents of stiff runs", (flat(StiffKernels), *FORWARDS))
+def tangent(
+    second, kernels, sizes, p, plan, plan_apart, signal, t, y, held, places, times, d_p, d_signal,
+    d_held, dy, rows, samples,
+):  # fmt: skip
+    """Lead D tangents along the K - 1 steps between K states.
+
+    second: as of `StiffKernels`; all others as of `native_sweeps.tangent`.
+    """
+    kernels, sizes, second = DerivativeKernels(*kernels), StateSizes(*sizes), StiffKernels(*second)
+    method, (inputs, _) = method_of(pointer(plan)), inputs_of(pointer(signal))
+    n, width, directions = sizes.n, padded(sizes.n + 1), dy.shape[0]
+    each, own_size = (method.stages + 1) * width, bench_size(sizes, method)
+    stiff_numbers, more = stiff_size(sizes), width + sizes.signals + n
+    memory = np.zeros(own_size + directions * (each + width) + stiff_numbers + more)
+    bench = bench_at(pointer(memory), sizes, method, method_of(pointer(plan_apart)))
+    furnish_bench(bench, sizes, method, pointer(p))
+    copy(pointer(held), bench.held, sizes.held)
+    # Of each direction dy at the start of a step, padded, and its dk; a change within the step.
+    start = pointer(memory) + own_size
+    slopes, inner = start + directions * width, start + directions * (each + width)
+    room = inner + width
+    stiff = stiff_at(room + sizes.signals + n, sizes)
+    place, count, own = 0, places.size, method.solution * method.stages
+    for d in range(directions):
+        copy(pointer(dy) + d * n, start + d * width, n)
+        copy(pointer(dy) + d * n, pointer(rows) + d * n, n)
+    for i in range(t.size - 1):
+        copy(pointer(y) + i * n, bench.y, n)
+        h = t[i + 1] - t[i]
+        stages_made_again(bench, stiff, kernels, second, sizes, method, inputs, t[i], h)
+        steps = new_state(bench, kernels, sizes, method, h)
+        for d in range(directions):
+            before, dk = start + d * width, slopes + d * each
+            dp = pointer(d_p) + d * sizes.parameters
+            stages_along(
+                bench, stiff, kernels, second, sizes, method, inputs, h,
+                pointer(d_signal) + d * d_signal.shape[1] * d_signal.shape[2],
+                pointer(d_held) + d * sizes.held, dp, before, dk, room,
+            )  # fmt: skip
+            new = dk + method.stages * width
+            weighed(
+                bench, method.a + own, bench.others.a + own, method.solution, h, before, dk, width,
+                n, new,
+            )  # fmt: skip
+            closed_along(bench, kernels, sizes, bench.z, steps, new, dp)
+        # Samples by the dense output, from the changes of the start and of all stages.
+        while place < count and int(places[place]) == i:
+            newton = within(bench, kernels, sizes, method, h, (times[place] - t[i]) / h)
+            for d in range(directions):
+                weighed(
+                    bench, bench.weights, bench.other_weights, method.stages, h, start + d * width,
+                    slopes + d * each, width, n, inner,
+                )  # fmt: skip
+                dp = pointer(d_p) + d * sizes.parameters
+                closed_along(bench, kernels, sizes, bench.z_sample, newton, inner, dp)
+                copy(inner, pointer(samples) + (place * directions + d) * n, n)
+            place += 1
+        for d in range(directions):
+            new = slopes + d * each + method.stages * width
+            copy(new, start + d * width, n)
+            copy(new, pointer(rows) + ((i + 1) * directions + d) * n, n)
+    for d in range(directions):
+        copy(start + d * width, pointer(dy) + d * n, n)
+    memory[0] = 0.0  # the memory lives to the end
+
+
+# Backwards
+
+
+@njit(**OPTIONS)
+def cost_of(bench, stiff, kernels, sizes, method, h, slopes, stages):
+    """Fill the derivative (n, inputs ...) of the cost at the start, and its stages q_i; return its
+    integral over a step."""
+    n, given, rows, e = sizes.n, given_size(sizes), method.stages, method.e
+    gamma, x, own = e[method.solution], bench.x + bench.x_width, method.solution * rows
+    for m in range(n):
+        x[given + m] = 0.0
+    x[given + n] = 1.0
+    call(kernels.against, x, slopes)
+    forcing, integral = 0.0, 0.0
+    for c in range(sizes.signals):
+        forcing += slopes[n + c] * stiff.input_rates[c]
+    for i in range(1, method.solution):
+        call(kernels.cost, bench.x + i * bench.x_width, stages + i)
+        for j in range(1, i):
+            stages[i] += e[i * rows + j] * stages[j]
+        along, k = e[i * rows + method.solution] * forcing, bench.k + i * bench.width
+        for m in range(n):
+            along += slopes[m] * k[m]
+        stages[i] = gamma * (stages[i] + h * along)
+        integral += h * method.a[own + i] * stages[i]
+    return integral
+
+
+@njit(**OPTIONS)
+def bent_against(bench, stiff, second, sizes, method, inputs, i, h, before, signals, held, p_bar):
+    """Add what the matrix of a step tells, where the seed holds the bars of a stage."""
+    n, columns = sizes.n, sizes.signals
+    directed(bench, stiff, sizes, method, i, h)
+    call(second.bend_against, stiff.bent, stiff.bends)
+    bar, piece = stiff.bends, int(bench.pieces[1])
+    for m in range(n):
+        before[m] += bar[m]
+    power, s = 1.0, bench.times[1] - inputs.knots[piece]
+    for m in range(4):
+        own = signals + columns * (4 * piece + m)
+        for c in range(columns):
+            own[c] += power * bar[n + c]
+        power *= s
+    for c in range(sizes.held):
+        held[c] += bar[n + columns + c]
+    for c in range(sizes.parameters):
+        p_bar[c] += bar[n + columns + sizes.held + c]
+
+
+@njit(**OPTIONS)
+def rates_against(bench, stiff, kernels, sizes, method, inputs, i, h, slopes, signals):
+    """Add what the rates of the inputs at the start tell of their coefficients."""
+    n, columns, piece = sizes.n, sizes.signals, int(bench.pieces[1])
+    share, s = h * method.e[i * method.stages + method.solution], bench.times[1]
+    s -= inputs.knots[piece]
+    for c in range(columns):
+        bar = 0.0
+        for m in range(n):
+            bar += stiff.jacobian[n * (n + c) + m] * stiff.seed[m]
+        if kernels.cost != 0:
+            bar += slopes[n + c] * stiff.seed[n]
+        own = signals + 4 * columns * piece + c
+        own[columns] += share * bar
+        own[2 * columns] += share * bar * 2 * s
+        own[3 * columns] += share * bar * 3 * s * s
+
+
+@compiled_once("the adjoints of stiff runs", (flat(StiffKernels), *BACKWARDS))
+def adjoint(
+    second, kernels, sizes, p, plan, plan_apart, signal, t, y, held, places, times, row_bars,
+    sample_bars, weight, bar, p_bar, signal_bar, held_bar,
+):  # fmt: skip
+    """Lead an adjoint back along the K - 1 steps between K states; return the integral of the cost.
+
+    second: as of `StiffKernels`; all others as of `native_sweeps.adjoint`.
+    """
+    kernels, sizes, second = DerivativeKernels(*kernels), StateSizes(*sizes), StiffKernels(*second)
+    method, (inputs, _) = method_of(pointer(plan)), inputs_of(pointer(signal))
+    n, rows, solution = sizes.n, method.stages, method.solution
+    given, gamma, e = given_size(sizes), method.e[solution], method.e
+    b_width, width, integral = padded(given + 1), padded(n + 1), 0.0
+    own_size, stiff_numbers = bench_size(sizes, method), stiff_size(sizes)
+    memory = np.zeros(
+        own_size + stiff_numbers + (rows + 1) * (b_width + width) + width + b_width + 2 * rows
+    )
+    bench = bench_at(pointer(memory), sizes, method, method_of(pointer(plan_apart)))
+    furnish_bench(bench, sizes, method, pointer(p))
+    copy(pointer(held), bench.held, sizes.held)
+    # What stages contribute, by rows; their bars; what is told of the start; of the cost.
+    stiff = stiff_at(pointer(memory) + own_size, sizes)
+    bars = pointer(memory) + own_size + stiff_numbers
+    base = bars + (rows + 1) * b_width
+    before = base + (rows + 1) * width
+    slopes = before + width
+    stages = slopes + b_width
+    leads = stages + rows
+    own, place = pointer(bar), places.size - 1
+    signals, held_out, p_out = pointer(signal_bar), pointer(held_bar), pointer(p_bar)
+    for m in range(n):
+        own[m] += row_bars[t.size - 1, m]
+    for step in range(t.size - 2, -1, -1):
+        copy(pointer(y) + step * n, bench.y, n)
+        h = t[step + 1] - t[step]
+        stages_made_again(bench, stiff, kernels, second, sizes, method, inputs, t[step], h)
+        newton = new_state(bench, kernels, sizes, method, h)
+        if kernels.cost != 0:
+            integral += cost_of(bench, stiff, kernels, sizes, method, h, slopes, stages)
+        for m in range(n):
+            before[m] = row_bars[step, m]
+        for m in range((rows + 1) * width):
+            base[m] = 0.0
+        # Samples, and the new state, tell of the start and of the stages.
+        while place >= 0 and int(places[place]) == step:
+            steps = within(bench, kernels, sizes, method, h, (times[place] - t[step]) / h)
+            copy(pointer(sample_bars) + place * n, bench.sample, n)
+            closed_against(bench, kernels, sizes, bench.z_sample, steps, bench.sample, p_out)
+            for m in range(n):
+                before[m] += bench.sample[m]
+            for j in range(1, solution):
+                for m in range(n):
+                    base[j * width + m] += h * bench.weights[j] * bench.sample[m]
+            place -= 1
+        closed_against(bench, kernels, sizes, bench.z, newton, own, p_out)
+        for m in range(n):
+            before[m] += own[m]
+        for j in range(1, solution):
+            for m in range(n):
+                base[j * width + m] += h * method.a[solution * rows + j] * own[m]
+        # The stages, the last one first: what they tell of those before, of y, u and p.
+        for j in range(solution - 1, 0, -1):
+            lead, seed = base + j * width, bench.x + j * bench.x_width + given
+            leads[j] = 0.0
+            if kernels.cost != 0:
+                leads[j] = h * weight * method.a[solution * rows + j]
+                for i in range(j + 1, solution):
+                    leads[j] += e[i * rows + j] * leads[i]
+                leads[j] *= gamma
+                for m in range(n):
+                    lead[m] += h * slopes[m] * leads[j]
+            solve_transposed(stiff.W, stiff.order, n, lead)
+            lead[n] = leads[j]
+            copy(lead, seed, n + 1)
+            copy(lead, stiff.seed, n + 1)
+            row_against(bench, kernels, sizes, inputs, j, bars, b_width, signals, held_out, p_out)
+            for m in range(n):
+                before[m] += bars[j * b_width + m]
+            for i in range(1, j):
+                a, C = h * method.a[j * rows + i], e[j * rows + i]
+                for m in range(n):
+                    base[i * width + m] += a * bars[j * b_width + m] + C * lead[m]
+            bent_against(
+                bench, stiff, second, sizes, method, inputs, j, h, before, signals, held_out, p_out
+            )
+            rates_against(bench, stiff, kernels, sizes, method, inputs, j, h, slopes, signals)
+        copy(before, own, n)
+    memory[0] = 0.0  # the memory lives to the end
+    return integral
