@@ -298,6 +298,10 @@ def test_places_that_cannot_be_written(tmp_path):
         prr3().save(tmp_path / "a\0b")
     with pytest.raises(MechanismError, match="cannot be written"):
         prr3().save("")
+    for name in ("robot.xml", "robot.urdf", "robot.txt"):
+        with pytest.raises(MechanismError, match=r"would be YAML .*; give one in \.yaml, or write"):
+            prr3().save(tmp_path / name)
+        assert not (tmp_path / name).exists()
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
 
 

@@ -17,6 +17,7 @@ from linkwork.formats.notes import Notes
 from linkwork.formats.reading import PLAIN, Paths, Reading
 from linkwork.formats.references import Reference, referred
 from linkwork.mechanism import Mechanism, MechanismError
+from linkwork.mechanism.files import NATIVE as NATIVE
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,6 @@ FORMATS = (
     Format("URDF", (".urdf",), "robot", "linkwork.formats.urdf"),
     Format("SDF", (".sdf", ".world"), "sdf", "linkwork.formats.sdf"),
 )
-NATIVE = (".yaml", ".yml")
 MODELS = tuple(suffix for form in FORMATS for suffix in form.suffixes)
 READ = (*NATIVE, *MODELS)
 MACROS = ".xacro"

@@ -23,6 +23,8 @@ from linkwork.mechanism.quantities import standing, worked_out
 from linkwork.mechanism.record import Record
 from linkwork.mechanism.refusal import MechanismError, shown
 
+NATIVE = (".yaml", ".yml")
+"""Suffixes of mechanism files."""
 MAX_BYTES = 20_000_000
 
 Described = TypeVar("Described")
@@ -81,7 +83,17 @@ def read_yaml(path: Path) -> Mechanism:
 
 
 def write_yaml(mechanism: Mechanism, path: Path) -> None:
-    """Write a mechanism, atomically."""
+    """Write a mechanism, atomically.
+
+    Raises:
+        MechanismError: a name that ends as files of another kind do; the file cannot be written.
+    """
+    if path.suffix and path.suffix.lower() not in NATIVE:
+        raise MechanismError(
+            f"would be YAML under a name in {path.suffix}; give one in .yaml, or write a file of "
+            "another kind by linkwork.formats.save",
+            place=str(path),
+        )
     write_whole(path, written(_seen_from(path.parent, mechanism)))
 
 

@@ -351,7 +351,8 @@ class Mechanism(Record, Portrayed):
         return Mechanism(**fields)
 
     def save(self, path: str | Path) -> None:
-        """Write the mechanism as a YAML file; `Mechanism.load` gives an equal mechanism back."""
+        """Write the mechanism as a YAML file; `Mechanism.load` gives an equal mechanism back.
+        `linkwork.formats.save` writes MJCF, URDF and SDF."""
         from linkwork.mechanism.files import write_yaml
 
         write_yaml(self, checks.file_path(path, "the path to save to"))
