@@ -2,10 +2,11 @@
 
 import ctypes
 
+import casadi as ca
 import numpy as np
 import pytest
 
-from linkwork.kernels import transposed
+from linkwork.kernels import compile_function, transposed
 from linkwork.kernels.compile import Code, object_code
 from linkwork.kernels.lines import Lines, function_text
 from linkwork.kernels.machine import Machine, this_machine
@@ -39,3 +40,15 @@ def test_rows_become_columns_and_rows_again(lanes, n):
     call(code.addresses["scatter"])(block.ctypes.data, back.ctypes.data)
     np.testing.assert_array_equal(back[:-1].reshape(lanes, n), rows)
     assert back[-1] == -1
+
+
+@pytest.mark.parametrize("read", [[], [0], [3, 17], [21, 22]])
+def test_what_is_not_read_is_not_moved(read):
+    """Results of stacks are those of single states, bit for bit, whatever of the rows they read."""
+    x, y = ca.SX.sym("x", 23), ca.SX.sym("y", 2)
+    value = ca.sum1(ca.vertcat(0, *[ca.sin(x[k]) * y[1] for k in read]))
+    kernel = compile_function(ca.Function("few", [x, y], [value]))
+    rows, factors = np.random.default_rng(0).normal(size=(2, 11, 23))
+    (found,) = kernel(rows, factors[:, :2])
+    one_by_one = [kernel(row, factor)[0] for row, factor in zip(rows, factors[:, :2], strict=True)]
+    np.testing.assert_array_equal(found, one_by_one)

@@ -9,6 +9,8 @@ block. The last state fills up the last block, so that its row is written severa
 same numbers.
 """
 
+from collections.abc import Collection
+
 from linkwork.kernels import transposed
 from linkwork.kernels.lines import Lines, function_text
 from linkwork.kernels.machine import Machine
@@ -34,8 +36,10 @@ def rows_text(program: Program, machine: Machine) -> str:
     whole = lines.let("icmp sle i64 %first.next, %states")
     lines.do(f"br i1 {lines.let(f'and i1 {dense}, {whole}')}, label %whole, label %single")
     lines.label("whole")
+    read = {int(node.value) for node in program.nodes if node.op == "input"}
     for k, (size, start) in enumerate(_placed(program.inputs)):
-        _move_whole(lines, "gather", _rows_from(lines, "%in", k, size), size, ("%x", start))
+        own = {place - start for place in read if start <= place < start + size}
+        _move_whole(lines, "gather", _rows_from(lines, "%in", k, size), size, ("%x", start), own)
     lines.do("call void @batch(i64 1, ptr %x, ptr %y)")
     for k, (size, start) in enumerate(_placed(program.outputs)):
         _move_whole(lines, "scatter", _rows_from(lines, "%out", k, size), size, ("%y", start))
@@ -55,15 +59,22 @@ def rows_text(program: Program, machine: Machine) -> str:
     return f"{moves_text(machine)}\n\n{function_text(head, lines.text)}"
 
 
-def _move_whole(lines: Lines, move: str, rows: str, size: int, block: tuple[str, int]) -> None:
-    """Append the move of a whole block of rows without gaps; long ones are moved by the function
-    for any rows, lest the code grow with them."""
+def _move_whole(
+    lines: Lines,
+    move: str,
+    rows: str,
+    size: int,
+    block: tuple[str, int],
+    read: Collection[int] | None = None,
+) -> None:
+    """Append the move of a whole block of rows without gaps, into which those that are read are
+    gathered; long ones are moved by the function for any rows, lest the code grow with them."""
     place = lines.at(*block)
     if size > LONG:
         given = f"i64 {size}, ptr {rows}, i64 {size}, i64 0, i64 {lines.width - 1}, ptr {place}"
         lines.do(f"call void @{move}({given})")
     elif move == "gather":
-        transposed.gather(lines, rows, size, place)
+        transposed.gather(lines, rows, size, place, read)
     else:
         transposed.scatter(lines, place, size, rows)
 

@@ -10,15 +10,21 @@ is not compiled.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from linkwork.kernels.lines import Lines
 
 FEW = 3  # numbers a row that are dealt with fewer exchanges than squares take
 
 
-def gather(lines: Lines, rows: str, n: int, block: str) -> None:
-    """Append the move of dense rows of n numbers to a block."""
+def gather(
+    lines: Lines, rows: str, n: int, block: str, read: Collection[int] | None = None
+) -> None:
+    """Append the move of dense rows of n numbers to a block; read: those that are needed there, all
+    if left out."""
+    read = range(n) if read is None else read
+    if not read:
+        return
     if n <= FEW:
         parts = [_load(lines, rows, k * lines.width) for k in range(n)]
         for k in range(n):
@@ -27,6 +33,8 @@ def gather(lines: Lines, rows: str, n: int, block: str) -> None:
         return
     parts = max(lines.width // 2, 2)  # lanes of what is read at a time
     for first in range(0, n, lines.width):
+        if not any(k in read for k in range(first, first + lines.width)):
+            continue
         square = _exchanged(lines, rows, n, first, parts)
         columns = _transposed(lines, square, parts // 2)
         for k, column in enumerate(columns[: n - first]):
