@@ -42,7 +42,7 @@ WINGS = {
         *("abreast", "called", "fixed_results", "partitioned_slopes", "repeats", "tabled"),
     ),
     # How code becomes quick, and is kept.
-    "fewer operations": ("simplify",),
+    "fewer operations": ("simplify", "regrouping", "turned_inertia"),
     "sines and cosines": ("angles", "elementary"),
     "stacks of states": ("stacks", "stored_states", "transposed"),
     "compiled by Numba": ("compiled", "pointers", "structures"),

@@ -144,6 +144,19 @@ def spin(omega: ca.SX, r: ca.SX) -> ca.SX:
     return omega * dot(omega, r) - dot(omega, omega) * r
 
 
+def turning_matrix(omega: ca.SX, alpha: ca.SX) -> ca.SX:
+    """Return A (3 x 3) with  A r = alpha x r + omega x (omega x r)."""
+    (x, y, z), (u, v, w) = ca.vertsplit(omega), ca.vertsplit(alpha)
+    yz, zx, xy, xx, yy, zz = y * z, z * x, x * y, x * x, y * y, z * z
+    rows = (-(yy + zz), xy - w, zx + v), (xy + w, -(xx + zz), yz - u), (zx - v, yz + u, -(xx + yy))
+    return ca.vertcat(*[ca.horzcat(*row) for row in rows])
+
+
+def point_acceleration(a: ca.SX, omega: ca.SX, alpha: ca.SX, r: ca.SX) -> ca.SX:
+    """Return a + alpha x r + omega x (omega x r), the acceleration of a point at r of a body."""
+    return ca.mac(turning_matrix(omega, alpha), r, ca.densify(a))
+
+
 def total(parts: Sequence[ca.SX]) -> ca.SX:
     """Return the sum of vectors (3), zero where there are none."""
     return reduce(operator.add, parts) if parts else zero()

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, cross, spin, vector, zero
+from linkwork.equations.algebra import SX, point_acceleration, vector, zero
 from linkwork.equations.frames import turned_by
 from linkwork.equations.jacobians import jacobian
 from linkwork.equations.joint_map import derivative
@@ -106,7 +106,7 @@ def tool_twist(tree: Tree, tool: Tool, rates: ca.SX) -> tuple[ca.SX, ca.SX]:
     omega = tree.angular_velocities(rates)
     alpha, a = tree.accelerations(omega, rates, None, zero())
     i, A = node.index, node.axes.matrix
-    point = a[i] + cross(alpha[i], d) + spin(omega[i], d)
+    point = point_acceleration(a[i], omega[i], alpha[i], d)
     return jacobian(tree, node, d), ca.vertcat(ca.mtimes(A, alpha[i]), ca.mtimes(A, point))
 
 

@@ -31,6 +31,7 @@ from linkwork.equations.algebra import (
     constant,
     cross,
     dot,
+    point_acceleration,
     snap,
     spin,
     vector,
@@ -327,7 +328,7 @@ def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
     # a = a_j + alpha x d + omega x (omega x d) of the point on that side; turns relative to this
     # side.
     d = in_axes(that.node.R, that.arm)
-    a_that = here(a[j] + cross(alpha[j], d) + spin(omega[j], d))
+    a_that = here(point_acceleration(a[j], omega[j], alpha[j], d))
     omega_j, alpha_j = here(omega[j]), here(alpha[j])
     turning = alpha_j - alpha[i] - cross(omega[i], omega_j)
     result = []

@@ -1,5 +1,5 @@
 """Inertia forces of the tree: composite inertias and Newton-Euler, with the moments regrouped by
-`moments`.
+`regrouping`.
 
     H(q)          generalised inertia of the tree, by composite moments
     h(q, w, w')   H w' + velocity terms + weight - applied wrenches, by one outward and one inward
@@ -17,9 +17,10 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from linkwork.equations.algebra import SX, Number, cross, dot, present, spin, zero
+from linkwork.equations.algebra import SX, Number, cross, dot, present, turning_matrix, zero
 from linkwork.equations.orientation import convert
 from linkwork.equations.tree import Column, Node, Tree
+from linkwork.equations.turned_inertia import turning_moment
 
 Wrenches = Mapping[int, tuple[ca.SX, ca.SX]]
 
@@ -88,7 +89,7 @@ def inertia_forces(
     wrenches need.
 
     applied: (moment about the node's origin, force) on nodes by index, in the nodes' axes. Ground
-    is given the acceleration -g. With A = alpha x + omega x (omega x), inward:
+    is given the acceleration -g. With A r = alpha x r + omega x (omega x r), inward:
     F = m a_O + A h,  N = I alpha + omega x (I omega) + h x a_O  about O.
     """
     omega = tree.angular_velocities(rates)
@@ -119,6 +120,7 @@ def node_wrench(
     """Return N about the origin and F that the motion of a node's own inertia needs."""
     m, h, inertia = node.near_moments
     w, turning, moving = omega[node.index], alpha[node.index], a[node.index]
-    F = m * moving + cross(turning, h) + spin(w, h)
-    N = ca.mtimes(inertia, turning) + cross(w, ca.mtimes(inertia, w)) + cross(h, moving)
+    A = turning_matrix(w, turning)
+    F = ca.mac(A, h, m * moving) if present(m) else ca.mtimes(A, h)
+    N = turning_moment(inertia, w, turning, A) + cross(h, moving)
     return N, F

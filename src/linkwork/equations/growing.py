@@ -3,7 +3,7 @@ coordinates.
 
 From ground outwards, joint by joint: each motion of a joint adds a node to the tree, turned and
 moved against the one before; the last one is the body. Masses that no motion of their own tells
-apart are moved into parents (`moments`).
+apart are moved into parents (`regrouping`).
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ from linkwork.equations.algebra import (
 )
 from linkwork.equations.frames import frame_matrix, turned_back, turned_by
 from linkwork.equations.joints import ElementaryMotion, motions_of
-from linkwork.equations.moments import Moments, regrouped
+from linkwork.equations.moments import Moments
 from linkwork.equations.orientation import Orientation
+from linkwork.equations.regrouping import Hanging, regrouped
 from linkwork.equations.topology import Branch, Topology
 from linkwork.equations.tree import GROUND_NODE, Column, Node, Tree, in_axes, in_ground
 from linkwork.mechanism import GROUND, Body, Mechanism, PairJoint
@@ -99,13 +100,11 @@ def branch_nodes(
         after = own if last else np.eye(3)
         coordinate = q[list(places)]
         R = moved(before, motion, coordinate, branch.reversed)
-        slide = (
-            constant(snap(turned @ motion.slide)) * coordinate
-            if motion and motion.slides
-            else zero()
-        )
-        near_r = constant(arm) + slide
-        r = ca.mtimes(parent.R.near, near_r)
+        near_r, r = constant(arm), parent.R.turned(arm)
+        if motion and motion.slides:
+            along = snap(turned @ motion.slide)
+            near_r += constant(along) * coordinate
+            r = r + parent.R.turned(along) * coordinate
         column_axes = parent.axes if motion and motion.ball and not branch.reversed else R.axes
         parent = Node(
             index=index,
@@ -122,12 +121,23 @@ def branch_nodes(
             near_r=near_r,
             arm=arm if motion is None or not motion.slides else None,
             weld=turned @ after if motion is None else None,
+            hinge=hinge(motion, turned, after) if motion else None,
             frame_origin=origin if last else np.zeros(3),
             moments=Moments.of_body(body, origin) if last else Moments.none(),
         )
         yield parent
         arm, turned = np.zeros(3), np.eye(3)
         before = parent.R.then_constant(turned)
+
+
+def hinge(motion: ElementaryMotion, before: Vector, own: Vector) -> tuple[Vector, Vector] | None:
+    """Return the axis of a turn alone in the node's frame and in the parent's, else None.
+
+    before: the frame before the turn in the parent's; own: the node's frame in that behind it
+    """
+    if motion.ball or motion.slides or not motion.turns:
+        return None
+    return snap(own.T @ motion.turn), snap(before @ motion.turn)
 
 
 def placed(
@@ -180,8 +190,8 @@ def columns(
 
 
 def regroup(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-    """Move masses into parents (`moments`)."""
-    links = [(node.moments, node.parent, node.arm, node.weld) for node in nodes]
+    """Move masses into parents (`regrouping`)."""
+    links = [Hanging(node.moments, node.parent, node.arm, node.weld, node.hinge) for node in nodes]
     return tuple(
         replace(node, moments=own) for node, own in zip(nodes, regrouped(links), strict=True)
     )

@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations import effects
-from linkwork.equations.algebra import SX, cross, present, spin, vector, zero
+from linkwork.equations.algebra import SX, cross, point_acceleration, present, vector, zero
 from linkwork.equations.closure import Side, side
 from linkwork.equations.equations import Equations
 from linkwork.equations.joints import motions_of
@@ -71,7 +71,7 @@ def bodies_need(
         i, d = node.index, near_offset(node, c)
         inertia = ca.mtimes(ca.mtimes(node.R.near, SX(tensor(body.inertia))), node.R.near.T)
         pulled = pulls.get(i, (zero(), zero()))
-        force = body.mass * (a[i] + cross(alpha[i], d) + spin(omega[i], d)) - pulled[1]
+        force = body.mass * point_acceleration(a[i], omega[i], alpha[i], d) - pulled[1]
         moment = ca.mtimes(inertia, alpha[i]) + cross(omega[i], ca.mtimes(inertia, omega[i]))
         moment -= pulled[0] - cross(d, pulled[1])
         moment, force = (ca.mtimes(node.axes.matrix, part) for part in (moment, force))

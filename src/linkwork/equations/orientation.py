@@ -19,7 +19,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, Vector, constant, present, skew, snap, zero
+from linkwork.equations.algebra import SX, Vector, constant, present, skew, snap, turn_matrix, zero
 
 PARALLEL = 1e-12
 
@@ -76,16 +76,16 @@ class Orientation:
 
     @cached_property
     def near(self) -> ca.SX:
-        """Rot(axis, angle) right: the body's axes to `axes`, with Rot = a a' + cos (1 - a a') + sin
-        [a x]."""
-        if not self.axis.any():
-            return SX(self.right)
-        along = snap(np.outer(self.axis, self.axis))
-        s, c = ca.sin(self.angle), ca.cos(self.angle)
-        across, spin = constant(snap(np.eye(3) - along)), constant(skew(self.axis))
-        turn = constant(along) + c * across + s * spin
+        """Rot(axis, angle) right: the body's axes to `axes`."""
         plain = isinstance(self.right, np.ndarray) and np.array_equal(self.right, np.eye(3))
-        return ca.densify(turn if plain else ca.mtimes(turn, constant(self.right)))
+        return ca.densify(self.turn if plain else ca.mtimes(self.turn, constant(self.right)))
+
+    @cached_property
+    def turn(self) -> ca.SX:
+        """Rot(axis, angle)."""
+        if not self.axis.any():
+            return SX.eye(3)
+        return turn_about(self.axis, ca.cos(self.angle), ca.sin(self.angle))
 
     @cached_property
     def matrix(self) -> ca.SX:
@@ -98,7 +98,8 @@ class Orientation:
         key = local.tobytes() if isinstance(local, np.ndarray) else None
         if key not in self._turned:
             local = snap(local)
-            found = ca.mtimes(self.near, constant(local)) if present(local) else zero()
+            placed = constant(snap(self.right @ local)) if present(local) else zero()
+            found = ca.mtimes(self.turn, placed) if present(local) else zero()
             if key is None:
                 return found
             self._turned[key] = found
@@ -124,7 +125,16 @@ class Orientation:
         for sign in (1, -1):
             if np.linalg.norm(turned - sign * self.axis) < PARALLEL:
                 return Orientation(self.axes, self.axis, self.angle + sign * angle, self.right)
-        return Orientation(Axes(self.axes, self.near), snap(axis), angle, np.eye(3))
+        across = angle_across(self.axis, turned)
+        if across is None:
+            return Orientation(Axes(self.axes, self.near), snap(axis), angle, np.eye(3))
+        # The new axes turn about the old axis, too, up to where the new one is among them.
+        phi, along = across
+        c, s = ca.cos(self.angle), ca.sin(self.angle)
+        if phi:
+            c, s = np.cos(phi) * c - np.sin(phi) * s, np.cos(phi) * s + np.sin(phi) * c
+        right = snap(turn_matrix(self.axis, -phi) @ self.right)
+        return Orientation(Axes(self.axes, turn_about(self.axis, c, s)), along, angle, right)
 
     def keeps(self, axis: np.ndarray) -> bool:
         """Tell whether a turn about an axis of this frame only adds to the angle."""
@@ -157,6 +167,23 @@ class Orientation:
             self.right, other.right, atol=PARALLEL
         )
         return self.angle - other.angle if same and self.axes is other.axes else None
+
+
+def turn_about(axis: np.ndarray, c: ca.SX, s: ca.SX) -> ca.SX:
+    """Return Rot(a, angle) = a a' + cos (1 - a a') + sin [a x] for cosine and sine of the angle."""
+    along = snap(np.outer(axis, axis))
+    across, spin = constant(snap(np.eye(3) - along)), constant(skew(axis))
+    return constant(along) + c * across + s * spin
+
+
+def angle_across(axis: np.ndarray, direction: np.ndarray) -> tuple[float, np.ndarray] | None:
+    """Return the angle [rad] about one of the axes from another one to a direction across it, and
+    the other one, which is the nearest; None where this is no such direction."""
+    if np.count_nonzero(axis) != 1 or axis @ direction:
+        return None
+    k = int(np.abs(direction).argmax())
+    nearest = np.sign(direction[k]) * np.eye(3)[k]
+    return float(np.arctan2(axis @ np.cross(nearest, direction), nearest @ direction)), nearest
 
 
 def angle_about(axis: np.ndarray, rotation: np.ndarray) -> float:

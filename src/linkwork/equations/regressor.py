@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations import body_motion, effects
-from linkwork.equations.algebra import SX, cross, spin, zero
+from linkwork.equations.algebra import SX, cross, point_acceleration, spin, zero
 from linkwork.equations.equations import Equations
 from linkwork.equations.moments import Moments
 from linkwork.equations.tree import near_offset
@@ -114,7 +114,7 @@ def body_columns(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:
         node = tree.node(name)
         i, d, own = node.index, near_offset(node, np.zeros(3)), node.R.near.T
         turn, turn_rate = ca.mtimes(own, omega[i]), ca.mtimes(own, alpha[i])
-        origin = ca.mtimes(own, a[i] + cross(alpha[i], d) + spin(omega[i], d))
+        origin = ca.mtimes(own, point_acceleration(a[i], omega[i], alpha[i], d))
         wrenches = ca.horzcat(*unit_wrenches(turn, turn_rate, origin))
         R = node.R.matrix
         J = body_motion.jacobian(tree, node, d)

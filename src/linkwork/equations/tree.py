@@ -33,8 +33,8 @@ from linkwork.equations.algebra import (
     Number,
     Vector,
     cross,
+    point_acceleration,
     quaternion_map,
-    spin,
     total,
     zero,
 )
@@ -74,6 +74,7 @@ class Node:
         parent's own frame
     arm: near_r where constant, else None; weld: R in the parent's frame where nothing moves, else
         None
+    hinge: the axis of a turn alone, in the node's own frame and in the parent's, else None
     frame_origin: origin O in the body's own frame; moments: regrouped inertia in the node's frame
     """
 
@@ -91,6 +92,7 @@ class Node:
     near_r: ca.SX
     arm: Vector | None
     weld: Vector | None
+    hinge: tuple[Vector, Vector] | None
     frame_origin: Vector
     moments: Moments
 
@@ -127,6 +129,7 @@ GROUND_NODE = Node(
     near_r=zero(),
     arm=None,
     weld=None,
+    hinge=None,
     frame_origin=np.zeros(3),
     moments=Moments.none(),
 )
@@ -321,7 +324,7 @@ class Tree:
         alpha, a = [zero()] * (len(self.nodes) + 1), [base] * (len(self.nodes) + 1)
         for node in self.nodes if nodes is None else nodes:
             p, i = node.parent, node.index
-            carried = a[p] + cross(alpha[p], node.r) + spin(omega[p], node.r)
+            carried = point_acceleration(a[p], omega[p], alpha[p], node.r)
             alpha[i], a[i] = (convert(x, node.before, node.axes) for x in (alpha[p], carried))
             omega_p = convert(omega[p], node.before, node.column_axes)
             if node.turns:
