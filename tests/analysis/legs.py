@@ -130,6 +130,32 @@ def knee() -> lw.Robot:
 
 
 @cache
+def two_knees() -> lw.Robot:
+    """Return two legs of `knee`, each on a hip of its own."""
+    one = knee().mechanism
+    bodies, joints = {}, {}
+    for side in ("1", "2"):
+        own = {name: f"{name}_{side}" for name in one.bodies} | {"ground": "ground"}
+        bodies |= {own[name]: body for name, body in one.bodies.items()}
+        joints |= {
+            f"{name}_{side}": joint.model_copy(
+                update={"connects": tuple(own[body] for body in joint.connects)}
+            )
+            for name, joint in one.pairs.items()
+        }
+    return lw.Robot(
+        lw.Mechanism(
+            name="knees",
+            gravity=one.gravity,
+            bodies=bodies,
+            joints=joints,
+            actuators=("hip_1", "motor_1", "hip_2", "motor_2"),
+            reference={f"{name}_{side}": x for name, x in one.reference.items() for side in "12"},
+        )
+    )
+
+
+@cache
 def spinning_ankle() -> lw.Robot:
     """Return the ankle with balls at both ends of its rods, which turn about themselves and are
     thick, so that this is felt."""

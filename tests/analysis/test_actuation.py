@@ -13,7 +13,7 @@ import pytest
 from linkwork import LinkworkError, SingularError, analysis
 from linkwork.analysis.loop_map import weakest_of
 
-from tests.analysis.legs import ankle, crank_angle, floating_knee, knee
+from tests.analysis.legs import ankle, crank_angle, floating_knee, knee, two_knees
 from tests.catalogue import built
 from tests.processes import PATIENCE
 
@@ -366,17 +366,8 @@ def test_refusals_of_the_model(tmp_path):
 
 def test_at_a_dead_point_the_motor_holds_nothing():
     """The rod's line leads through the knee: the knee moves and the motor does not."""
-    across = np.array([0.4, 0.0])
-    # The crank's end on its circle, as far from the knee as rod and lever in a line.
-    reach = 0.3 + np.hypot(0.05, 0.01)
-    cosine = (0.3**2 + 0.06**2 - reach**2) / (2 * 0.3 * 0.06)
-    P = np.array([0.1 + 0.06 * cosine, 0.06 * np.sqrt(1 - cosine**2)])
-    along = (across - P) / np.linalg.norm(across - P)
-    angle = np.arctan2(-along[1], -along[0]) - np.arctan2(0.01, -0.05)
     model = analysis.actuation(knee(), ["knee"], ["motor"])
-    state = model.robot.home
-    for part in np.linspace(state["knee"], (angle + np.pi) % (2 * np.pi) - np.pi, 20):
-        state = model.at([part], guess=state)
+    state = at_a_dead_point(model)
     assert abs(model.jacobian(state).item()) < 1e-8
     assert model.joint_torques(state, [1.0]) == pytest.approx([0.0], abs=1e-8)
     with pytest.raises(SingularError, match="motor do not hold knee in this pose"):
@@ -387,6 +378,36 @@ def test_at_a_dead_point_the_motor_holds_nothing():
     other = analysis.actuation(knee(), ["motor"], ["knee"])
     with pytest.raises(SingularError, match="motor do not determine the motors knee here"):
         other.jacobian(state)
+
+
+def at_a_dead_point(model):
+    """Return the state of a knee of `knee`, whose rod's line leads through it."""
+    across = np.array([0.4, 0.0])
+    # The crank's end on its circle, as far from the knee as rod and lever in a line.
+    reach = 0.3 + np.hypot(0.05, 0.01)
+    cosine = (0.3**2 + 0.06**2 - reach**2) / (2 * 0.3 * 0.06)
+    P = np.array([0.1 + 0.06 * cosine, 0.06 * np.sqrt(1 - cosine**2)])
+    along = (across - P) / np.linalg.norm(across - P)
+    angle = np.arctan2(-along[1], -along[0]) - np.arctan2(0.01, -0.05)
+    state = model.robot.home
+    for part in np.linspace(state[model.joints[0]], (angle + np.pi) % (2 * np.pi) - np.pi, 20):
+        state = model.at([part], guess=state)
+    return state
+
+
+def test_torques_watch_the_loops_that_they_follow_from():
+    """A leg's torques are those of the leg alone where another leg, which hangs on the ground, is
+    singular, and whatever the other's rates are."""
+    legs, alone = two_knees(), analysis.actuation(knee(), ["hip", "knee"], ["hip", "motor"])
+    model = analysis.actuation(legs, ["hip_1", "knee_1"], ["hip_1", "motor_1"])
+    rates = legs.equations.tree.rates
+    assert all(rates[place].endswith("_1") for place in model.map.felt)
+    state = at_a_dead_point(analysis.actuation(legs, ["knee_2"], ["motor_2"]))
+    v = dict(zip(legs.independent, [0.4, -0.7, 0.0, 0.0], strict=True))
+    one = knee().home.with_rates({"hip": v["hip_1"], "motor": v["motor_1"]})
+    for side in ("joints", "motors"):
+        found = model.bias(state.with_rates(v), side)
+        assert found == pytest.approx(alone.bias(one, side), rel=1e-10)
 
 
 def test_rates_watch_the_loops_that_they_follow_from():

@@ -17,6 +17,7 @@ from linkwork.equations import Equations, functions
 from linkwork.equations.algebra import SX
 from linkwork.equations.elimination import solve, weakest
 from linkwork.equations.joint_map import derivative
+from linkwork.equations.uncharted import uncharted
 from linkwork.mechanism.bearing import require_no_bearings
 from linkwork.model.checks import PIVOT_BOUND
 
@@ -75,6 +76,18 @@ class LoopMap:
         _, pivots = solve(equations.chart, equations.rows.Phi, -Phi_a)
         blocks = zip(equations.chart.blocks, pivots, strict=True)
         return weakest([pivot for block, pivot in blocks if moved & {*block.columns}])
+
+    @cached_property
+    def felt(self) -> list[int]:
+        """The tree's rates that the torques h follow from: those that the joints move, and those
+        whose rates or accelerations act on these, or on the motors' rates."""
+        equations, free = self.equations, uncharted(self.equations)
+        moved = {*ca.sparsify(equations.elimination.L[:, self.places]).sparsity().row()}
+        w_dot = SX.sym("w_dot", equations.nv)
+        forces = free.tree_forces(w_dot, equations.gravity)[sorted(moved)]
+        acting = ca.jacobian_sparsity(forces, ca.vertcat(free.v, w_dot)).get_col()
+        rows = ca.sparsify(equations.joints.rate_rows(self.motors)).sparsity()
+        return sorted(moved | {column % equations.nv for column in acting} | {*rows.get_col()})
 
     @cached_property
     def blocks(self) -> list[tuple[list[int], list[int]]]:
@@ -190,11 +203,18 @@ def function(of: LoopMap, name: str) -> ca.Function:
     equations, (result, given) = of.equations, of.result(name)
     outputs = {
         name: result,
-        "pivot": equations.elimination.pivot if name in BY_RATES else of.pivot,
+        "pivot": weakest_of(equations, of.felt) if name in BY_RATES else of.pivot,
         "determinant": of.inverse[1] if name in INVERTED else SX(1),
     }
     inputs = {} if given is None else {"v" if name in BY_RATES else "given": given}
     return functions.function(name, equations, outputs, **inputs)
+
+
+def tree_rates(equations: Equations) -> ca.SX:
+    """Return w = L v (nv), the loops solved for this one right side instead of for L."""
+    Phi_a = equations.rows.Phi[:, list(equations.chart.independent)]
+    X, _ = solve(equations.chart, equations.rows.Phi, -ca.mtimes(Phi_a, equations.v))
+    return equations.scatter(X, equations.v)
 
 
 def weakest_of(equations: Equations, asked: list[int]) -> ca.SX:
@@ -218,14 +238,13 @@ def watched(of: LoopMap, name: str, rates: Equations | None = None) -> ca.Functi
     rates: where the result is to be of all independent rates, in equations of the same tree
     """
     equations, (result, given) = of.equations, of.result(name)
-    pivot = ca.fabs(equations.elimination.pivot if name in BY_RATES else of.pivot)
+    asked = of.felt if name in BY_RATES else [equations.chart.independent[k] for k in of.places]
+    pivot = ca.fabs(weakest_of(equations, of.felt) if name in BY_RATES else of.pivot)
     inputs = {} if given is None else {"given": given}
     if rates is not None and given is not None:
         v = rates.v
         if rates.independent != equations.independent:
-            v = ca.mtimes(rates.elimination.L, v)[list(equations.chart.independent)]
-            asked = [*equations.chart.independent]
-            asked = asked if name in BY_RATES else [asked[place] for place in of.places]
+            v = tree_rates(rates)[list(equations.chart.independent)]
             pivot = ca.fmin(pivot, ca.fabs(weakest_of(rates, asked)))
         result = ca.substitute(result, given, v if name in BY_RATES else v[of.places])
         inputs = {"v": rates.v}
