@@ -197,7 +197,7 @@ class PinocchioSide:
         k, world = self.bodies[name], self.pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         X = self.data.oMf[k]
         J = self.pin.getFrameJacobian(self.model, self.data, k, world)
-        return X.translation.copy(), X.rotation.copy(), J.copy()
+        return X.translation.copy(), X.rotation.copy(), J.reshape(6, self.nv).copy()
 
     def rows(self, q: np.ndarray) -> np.ndarray:
         return np.array(self.couplings).reshape(-1, self.nv)

@@ -139,6 +139,21 @@ def test_a_joint_bounds_what_its_one_actuator_does(tmp_path):
     assert compared(path, tmp_path) < 1e-12
 
 
+def test_ranges_whose_ends_are_not_in_order_are_none(tmp_path):
+    """Where nothing else says that they hold, as MuJoCo takes them; `auto` is the same word."""
+    path = tmp_path / "arm.xml"
+    none = 'ctrlrange="0 0" ctrllimited="auto" forcerange="1 -1"'
+    drives = f"""<motor joint="j1" {none}/><position joint="j2" kp="20" {none}/>
+<general joint="j3" dyntype="filter" dynprm="0.1" actrange="1 1" actlimited="auto"/>"""
+    text = ARM.format(joint='actuatorfrcrange="0 0"', actuators=drives)
+    text = text.replace('range="-2 2"', 'range="0 0"').replace('stiffness="11"', 'range="2 1"')
+    path.write_text(text)
+    mechanism = load(path).mechanism
+    assert not mechanism.caveats and not mechanism.joints["j1"].limits.bounded
+    assert mechanism.drives["j3"]["type"] == "lagging_servo"
+    assert compared(path, tmp_path) < 1e-12
+
+
 def test_a_tendon_that_follows_another_is_a_gear(tmp_path):
     path = tmp_path / "arm.xml"
     text = ARM.format(joint="", actuators='<motor joint="j1"/>')

@@ -57,6 +57,12 @@ def test_cables_and_carried_weights_do_what_they_do_in_mujoco(arm, tmp_path):
     assert compared(arm, tmp_path) < 1e-12
 
 
+def test_a_cable_may_begin_behind_a_pulley(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM.replace('name="t3">', 'name="t3" stiffness="9"><pulley divisor="4"/>'))
+    assert compared(path, tmp_path) < 1e-12
+
+
 def test_inertia_along_a_cable_is_mujocos(arm, tmp_path):
     arm.write_text(ARM.replace('name="t3"', 'name="t3" armature="0.2"'))
     (caveat,) = load(arm).mechanism.caveats
@@ -141,7 +147,7 @@ def test_a_branch_of_a_cable_needs_two_points():
     ball = {"type": "sphere", "body": "ground", "radius": 0.1}
     pulley = {"type": "pulley", "divisor": 2}
     one_ball, two_balls = [point, ball], [point, ball, ball, point]
-    for path in ([], [point], one_ball, two_balls, [point, point, pulley]):
+    for path in ([], [point], [pulley], one_ball, two_balls, [point, point, pulley]):
         with pytest.raises(lw.MechanismError, match="a branch of a cable begins and ends with a"):
             Cable(path=path)
 

@@ -143,6 +143,35 @@ def test_a_joint_inside_gazebo_closes_a_loop_as_all_joints_are_at_zero(tmp_path)
     )
 
 
+def test_a_joint_inside_gazebo_may_be_told_from_other_links(tmp_path):
+    text = five_bar(
+        '<gazebo><joint name="tip" type="revolute"><parent>distal_1</parent>'
+        '<child>distal_2</child><pose relative_to="{0}">0.9 0 0 0.4 0.5 0</pose><axis>'
+        '<xyz expressed_in="{0}">0 0 1</xyz></axis></joint></gazebo>'
+    )
+    for told in ("base", "__model__"):
+        tip = read(text.format(told), tmp_path).mechanism.joints["tip"]
+        for frame, x in zip(tip.frames, (0.65, 0.35), strict=True):
+            turn = Rotation.from_rotvec(frame.rotation)
+            assert frame.position == pytest.approx((x, 0, 0), abs=1e-15)
+            assert turn.apply(tip.axis) == pytest.approx((0, 0, 1), abs=1e-15)
+    with pytest.raises(MechanismError, match="relative_to 'hand' is no link of the robot"):
+        read(text.format("hand"), tmp_path)
+
+
+def test_a_link_that_two_joints_carry_closes_a_loop(tmp_path):
+    """A frame of one distal link on the other's tip, as programs for CAD write loops."""
+    pin = '<link name="pin"/><joint name="weld" type="fixed"><parent link="distal_2"/>'
+    pin += '<child link="pin"/><origin xyz="0.35 0 0"/></joint>'
+    pin += JOINT.format("tip", "distal_1", "pin", 0.35, 'independent="false"')
+    imported = read(five_bar(pin, independent=True), tmp_path)
+    assert imported.mechanism.joints["tip"].connects == ("distal_1", "distal_2")
+    assert any("carries 'pin', as 'weld' does: it closes a loop" in n for n in imported.notes)
+    assert_moves_like_the_five_bar(imported.mechanism)
+    with pytest.raises(MechanismError, match="'distal_2' to itself, by way of fixed joints"):
+        read(five_bar(pin.replace('parent link="distal_1"', 'parent link="distal_2"')), tmp_path)
+
+
 def test_motors_that_the_model_does_not_have_are_noted(tmp_path):
     sidecar = "closed_loop: [[end_1, end_2]]\ntype: [3d]\nname_mot: [motor_1, motor_9, motor_2]\n"
     imported = read(five_bar(FRAMES), tmp_path, sidecar)

@@ -323,7 +323,6 @@ REFUSED = {
     arm(second='<origin xyz="0 0"/>').replace(
         '<origin xyz="0 0 1"/>', ""
     ): "<origin>: xyz holds 2 numbers; give 3",
-    arm().replace('<mass value="1"/>', "", 1): "<inertial>: holds no <mass>; add one",
     arm().replace('value="1"', 'value="-1"', 1): "<link 'a'>: mass: ",
     arm().replace('name="k"', 'name="j"'): "<joint 'j'>: has the name of another joint",
     arm().replace('<child link="b"/>', '<child link="a"/>'): "<joint 'k'>: connects 'a' to itself",
@@ -331,7 +330,7 @@ REFUSED = {
     arm().replace('<parent link="a"/>', ""): "<joint 'k'>: holds no <parent>; add one",
     arm().replace(
         '<parent link="a"/><child link="b"/>', '<parent link="b"/><child link="a"/>'
-    ): "carries 'a', as 'j' does",
+    ): "the links 'base', 'b' are carried by no joint; exactly one",
 }
 
 
@@ -341,6 +340,12 @@ def test_refusals_name_file_and_line(text, tmp_path):
         read(text, tmp_path)
     assert str(refusal.value).startswith(f"{tmp_path / 'arm.urdf'}: line ")
     assert REFUSED[text] in str(refusal.value)
+
+
+def test_an_inertial_without_a_mass_is_told(tmp_path):
+    with pytest.warns(ModelWarning, match="<inertial> of 'a' holds no <mass>, which is zero then"):
+        imported = read(arm().replace('<mass value="1"/>', '<density value="500"/>', 1), tmp_path)
+    assert imported.mechanism.bodies["a"].mass == 0
 
 
 def test_a_circle_of_links_is_refused(tmp_path):

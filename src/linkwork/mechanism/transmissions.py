@@ -165,7 +165,7 @@ class OverCylinder(_Over):
 
 
 class PulleyBlock(Record):
-    """End a branch of a cable; the next one counts by 1 / divisor of its length."""
+    """Begin a branch of a cable, and end the one before: its length counts by 1 / divisor."""
 
     type: Literal["pulley"] = "pulley"
     divisor: Positive = Field(description="by which the length of what follows is divided")
@@ -188,7 +188,8 @@ class Cable(LoadedLength):
     @model_validator(mode="after")
     def _leads(self):
         kinds = [part.type for part in self.path]
-        for branch in " ".join(kinds).split("pulley"):
+        ahead = kinds[1:] if kinds[:1] == ["pulley"] else kinds
+        for branch in " ".join(ahead).split("pulley"):
             parts = branch.split()
             apart = all("point" in pair for pair in pairwise(parts))
             if len(parts) < 2 or parts[0] != "point" or parts[-1] != "point" or not apart:

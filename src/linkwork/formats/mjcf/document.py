@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import radians
+from math import inf, radians
 from pathlib import Path
 
 import numpy as np
@@ -194,6 +194,16 @@ class Document:
     def compiler_of(self, element: Element) -> Compiler:
         """Return the settings of the model that an element comes from."""
         return self.compilers[element.scope]
+
+    def is_limited(self, element: Element, name: str = "range", limited: str = "limited") -> bool:
+        """Tell whether a range holds: where nothing says so, one whose ends are in their order."""
+        said = element.choice(limited, ("true", "false", "auto"), "auto")
+        if said == "false" or name not in element.attributes:
+            return False
+        if said == "true" or not self.compiler_of(element).autolimits:
+            return said == "true"
+        low, high = element.numbers(name, (2,), most=inf)
+        return low < high
 
     def turned(self, element: Element, count: int) -> np.ndarray:
         """Return the rotation matrix of so many times an element's Euler angles."""

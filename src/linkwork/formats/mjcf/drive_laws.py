@@ -115,7 +115,9 @@ class DriveReader:
             return True
         attributes = element.attributes
         dynamics = attributes.get("dyntype", "none")
-        lagged = dynamics not in LAGS or not flag(element, "actlimited", "actrange" in attributes)
+        lagged = dynamics not in LAGS or not self.document.is_limited(
+            element, "actrange", "actlimited"
+        )
         return (
             attributes.get("gaintype", "fixed") in ("fixed", "affine")
             and attributes.get("biastype", "none") in ("none", "affine")
@@ -175,10 +177,7 @@ class DriveReader:
         """Return the bounds of a control, force or activation, where there are any; limited: what
         the attribute that says whether begins with, if not as the range."""
         name = f"{key}range"
-        autolimits = self.document.compiler_of(element).autolimits
-        automatic = name in element.attributes and autolimits
-        limited = element.attributes.get(f"{limited or key}limited", "auto")
-        if not (limited == "true" or (limited == "auto" and automatic)):
+        if not self.document.is_limited(element, name, f"{limited or key}limited"):
             return self._inherited(element, what)
         least, largest = element.numbers(name, (2,), (0.0, 0.0))
         return {f"least_{what}": least, f"largest_{what}": largest}

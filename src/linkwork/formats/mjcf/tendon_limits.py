@@ -20,7 +20,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.inertia import along, inertia, mobility
 from linkwork.formats.mjcf.joints import Joints
 from linkwork.formats.mjcf.tree import ModelTree
@@ -41,14 +40,6 @@ UNMOVED = (
     "has a range, which is left out: at qpos0 the tendon moves nothing, or something without mass"
 )
 NARROW = "has a range, which is left out: its margin leaves no room between the ends"
-
-
-def is_limited(element: Element, document: Document) -> bool:
-    """Tell whether a tendon has limits."""
-    limited = element.attributes.get("limited", "auto")
-    return "range" in element.attributes and (
-        limited == "true" or (limited == "auto" and document.compiler_of(element).autolimits)
-    )
 
 
 def stop_of(

@@ -23,7 +23,7 @@ from linkwork.formats.mjcf.geoms import kind_of, measured
 from linkwork.formats.mjcf.joints import Joints
 from linkwork.formats.mjcf.loops import POLYNOMIAL, LoopReader
 from linkwork.formats.mjcf.reflected import Added
-from linkwork.formats.mjcf.tendon_limits import is_limited, stop_of
+from linkwork.formats.mjcf.tendon_limits import stop_of
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
@@ -158,7 +158,7 @@ class TendonReader:
         driven = element.attributes.get("name", "") in self.driven
         low, *high = element.numbers("springlength", (1, 2), (-1.0,))
         more = any(element.number(key, 0.0) for key in ("frictionloss", "armature"))
-        slack = is_limited(element, self.document) or (bool(high) and high[0] != low)
+        slack = self.document.is_limited(element) or (bool(high) and high[0] != low)
         if straight and not driven and not more and (holds or not slack):
             self._straight(element, holds)
             return
@@ -166,7 +166,7 @@ class TendonReader:
             remark = "is left out: only a straight tendon of two sites is held as a rod"
             self.notes.on(element, remark, alters=True)
             return
-        if not driven and not _acts(element) and not is_limited(element, self.document):
+        if not driven and not _acts(element) and not self.document.is_limited(element):
             self.notes.on(element, "is left out: it neither holds nor pulls")
             return
         name = element.attributes.get("name", f"tendon_{len(self.found.lines) + 1}")
@@ -301,7 +301,7 @@ class TendonReader:
                 f"reached at rates well above {Friction().coulomb_rate:g} rad/s or m/s",
                 alters=True,
             )
-        limited, tree = is_limited(element, self.document) and not held, self.loops.tree
+        limited, tree = self.document.is_limited(element) and not held, self.loops.tree
         inertia, damping = self.added.get(element.attributes.get("name", ""), Added())
         inertia += element.number("armature", 0.0)
         line = line.model_copy(update={"inertia": inertia})

@@ -388,10 +388,7 @@ class TreeReader:
         return value
 
     def limits(self, kind: Kind, element: Element) -> Limits:
-        limited = element.choice("limited", ("true", "false", "auto"), "auto")
-        if limited == "false" or "range" not in element.attributes or kind == "free":
-            return Limits()
-        if limited == "auto" and not self.document.compiler_of(element).autolimits:
+        if kind == "free" or not self.document.is_limited(element):
             return Limits()
         lower, upper = (
             self.scaled(kind, element, value) for value in element.numbers("range", (2,), most=inf)

@@ -6,12 +6,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from linkwork.formats import drake, poses
+from linkwork.formats import drake, poses, xml
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import GROUND
 
+CLOSES = "it closes a loop here; readers of trees refuse such a file, or take one of both joints"
 TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 ONE_FREEDOM = ("revolute", "continuous", "prismatic", "screw")
 DRAKE = {"ball": "spherical", "universal": "universal", "planar": "planar", "screw": "screw"}
@@ -93,8 +94,15 @@ class UrdfModel:
         return X
 
     def put(self, joint: UrdfJoint) -> None:
-        """Take a joint in the place of the one of its name."""
-        self.joints[joint.name] = self.carriers[joint.child] = joint
+        """Take a joint in the place of the one of its name; a second one that carries a link closes
+        a loop."""
+        self.joints[joint.name] = joint
+        if self.carriers.get(joint.child, joint).name == joint.name:
+            self.carriers[joint.child] = joint
+
+    def closes(self, joint: UrdfJoint) -> bool:
+        """Tell whether a joint carries a link that another one carries."""
+        return self.carriers[joint.child].name != joint.name
 
     def merge(self, joint: UrdfJoint, between: list[UrdfJoint]) -> None:
         """Take one joint in the place of a chain; `between` are the joints before it, whose links
@@ -147,13 +155,12 @@ def read_model(root: Element, notes: Notes, moving: bool = False) -> UrdfModel:
         joint = _read_joint(element, links)
         if joint.name in model.joints:
             raise element.refusal("has the name of another joint; names are given once")
-        if joint.child in model.carriers:
-            raise element.refusal(
-                f"carries {joint.child!r}, as {model.carriers[joint.child].name!r} does; URDF is "
-                "a tree: close loops by <loop> or a robot.yaml"
-            )
         model.put(joint)
-        model.carried.setdefault(joint.parent, []).append(joint.child)
+        if model.closes(joint):
+            other = xml.shortened(model.carriers[joint.child].name)
+            notes.on(element, f"carries {xml.shortened(joint.child)}, as {other} does: {CLOSES}")
+        else:
+            model.carried.setdefault(joint.parent, []).append(joint.child)
     # One root, from which every link is reached, in the order of the tree.
     roots = [name for name in links if name not in model.carriers]
     if not links:
@@ -227,4 +234,5 @@ def axis_of(element: Element, tag: str = "axis") -> np.ndarray:
 def weight(link: Element) -> float:
     """Return the mass of a link [kg]."""
     inertial = link.first("inertial")
-    return inertial.named("mass").number("value") if inertial else 0.0
+    mass = inertial and inertial.first("mass")
+    return mass.number("value") if mass else 0.0

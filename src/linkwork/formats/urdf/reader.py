@@ -37,7 +37,6 @@ from linkwork.mechanism import (
     GROUND,
     Body,
     FixedJoint,
-    Frame,
     FreeJoint,
     Friction,
     GearJoint,
@@ -62,6 +61,9 @@ from linkwork.solids.solid import Solid, together
 NOISE = 1e-15  # moments of inertia that rounding leaves, relative to mass times squared size
 
 MASSES = {"mass", "inertia", "density"}  # in a link itself, where they are not read
+MASSLESS = (
+    "holds no <mass>, which is zero then (a <density>, as some programs write it, is not read)"
+)
 GAZEBO_READ = ("joint", "springStiffness", "springReference")
 GAZEBO_MOTION = {
     "turnGravityOff": "weight acts on all bodies",
@@ -144,14 +146,15 @@ def _mechanism(root: Element, notes: Notes, reading: Reading) -> Mechanism:
     joints |= {
         model.labels[joint.name]: _joint(model, joint, notes)
         for joint in model.joints.values()
-        if joint.child not in model.frames
+        if joint.child not in model.frames or model.closes(joint)
     }
     # What couples joints, and which of them are driven.
     gears = _mimics(model, notes)
     tied, springs = drake.read_between(root, partial(_mounted, model), model.names)
+    double = {model.labels[joint.name] for joint in model.joints.values() if model.closes(joint)}
     loops = closures.joints(model) | tied
     used, tool_names = closures.frames(), FreeNames(notes)
-    actuation = read_actuation(model, closures.actuators, bool(loops), notes)
+    actuation = read_actuation(model, closures.actuators, bool(loops or double), notes)
     try:
         return Mechanism(
             name=root.attributes.get("name") or root.file.stem,
@@ -264,7 +267,9 @@ def _solid(link: Element, size: float, notes: Notes) -> Solid:
     inertial = link.first("inertial")
     if inertial is None:
         return Solid(0.0, np.zeros(3), np.zeros((3, 3)))
-    mass, tensor = inertial.named("mass").number("value"), np.zeros((3, 3))
+    if inertial.first("mass") is None:
+        notes.on(inertial, f"of {xml.shortened(link.text('name'))} {MASSLESS}", alters=True)
+    mass, tensor = weight(link), np.zeros((3, 3))
     given = inertial.first("inertia")
     if given is not None:
         xx, yy, zz, xy, xz, yz = (
@@ -307,11 +312,13 @@ def _body(link: Element, solid: Solid, shapes: tuple[Shape, ...]) -> Body:
 def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
     """Return a joint of the tree."""
     # Where it stands on the body that carries its parent link.
-    parent, X = model.seat(joint.parent)
-    connects, first = (parent, model.bodies[joint.child]), X @ joint.origin
-    frames = poses.frame_of(first), Frame()
-    axis = poses.triple(joint.axis)
     element = joint.element
+    (parent, X), (child, Y) = model.seat(joint.parent), model.seat(joint.child)
+    if parent == child:
+        raise element.refusal(f"connects {xml.shortened(child)} to itself, by way of fixed joints")
+    connects, first = (parent, child), X @ joint.origin
+    frames = poses.frame_of(first), poses.frame_of(Y)
+    axis = poses.triple(joint.axis)
     # Those without friction or limits.
     match joint.type:
         case "fixed":
@@ -334,7 +341,7 @@ def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
             )
         case "planar":
             turn = poses.pose(rotation=poses.from_z(joint.axis))
-            frames = poses.frame_of(first @ turn), poses.frame_of(turn)
+            frames = poses.frame_of(first @ turn), poses.frame_of(Y @ turn)
             friction = _viscous(joint, PlanarJoint)
             return PlanarJoint(connects=connects, frames=frames, friction=friction)
     # Hinges and slides, with theirs, and a spring of Gazebo's.

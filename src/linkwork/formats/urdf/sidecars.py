@@ -64,6 +64,7 @@ LAAS = re.compile(r"^(closed_loop|name_mot|joint_name)\s*:", re.MULTILINE)
 UNIVERSAL = re.compile(r"UJOINT_([XYZ])([XYZ])")
 LOOPS = ("revolute", "continuous", "prismatic", "fixed", "spherical", "ball", "planar")
 CONSTRAINTS = (*LOOPS, "universal")
+MODEL = "__model__"  # SDF's name of the frame of the whole model
 GAZEBO = ("revolute", "continuous", "prismatic", "fixed", "ball")
 LIGHT, NEAR = (
     1e-6,
@@ -225,8 +226,8 @@ def _gazebo_joint(name: str, element: Element, model: UrdfModel) -> Closure:
     if pose is not None:
         numbers = pose.numbers("pose", (6,))
         own = poses.pose(numbers[:3], poses.from_rpy(*numbers[3:]))
-    X = model.at_zero(ends[1]) @ own
-    frames = poses.inverse(model.at_zero(ends[0])) @ X, own
+    far = _seen_from(pose, "relative_to", ends[1], model) @ own
+    near = poses.inverse(model.at_zero(ends[0])) @ model.at_zero(ends[1]) @ far
     made = {"prismatic": PrismaticJoint, "fixed": FixedJoint, "ball": SphericalJoint}
     along = None
     if kind not in ("fixed", "ball"):
@@ -234,8 +235,23 @@ def _gazebo_joint(name: str, element: Element, model: UrdfModel) -> Closure:
         along = np.array((0.0, 0.0, 1.0) if not inner else inner.vector("xyz"))
         if np.linalg.norm(along) < 1e-12:
             raise element.refusal("xyz has no length; give a direction such as '0 0 1'")
+        if inner and "expressed_in" in inner.attributes:
+            told = _seen_from(inner, "expressed_in", ends[1], model)
+            along = far[:3, :3].T @ told[:3, :3] @ along
         along = poses.unit(along)
-    return Closure(name, made.get(kind, RevoluteJoint), (ends[0], ends[1]), frames, along)
+    return Closure(name, made.get(kind, RevoluteJoint), (ends[0], ends[1]), (near, far), along)
+
+
+def _seen_from(element: Element | None, key: str, link: str, model: UrdfModel) -> np.ndarray:
+    """Return the pose in a link, where all joints are at zero, of what an element's numbers are
+    told from: the model, a link that it names, or else that link."""
+    name = link if element is None else element.attributes.get(key) or link
+    if name == link:
+        return np.eye(4)
+    if element is not None and name not in (*model.links, MODEL):
+        raise element.refusal(f"{key} {xml.shortened(name)} is no link of the robot")
+    there = np.eye(4) if name == MODEL else model.at_zero(name)
+    return poses.inverse(model.at_zero(link)) @ there
 
 
 def _coupling(element: Element, model: UrdfModel) -> Joint:
@@ -368,7 +384,7 @@ class _Laas:
         massless links."""
         light = LIGHT * sum(map(weight, self.model.links.values()))
         for last in list(self.model.joints.values()):
-            trio = self._trio(last, driven, light)
+            trio = None if self.model.closes(last) else self._trio(last, driven, light)
             if trio is None:
                 continue
             first, second, _ = trio
