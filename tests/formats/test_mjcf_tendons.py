@@ -221,6 +221,8 @@ def test_inertia_that_couples_branches_is_whole_and_mujocos_without_the_coupling
     path.write_text(PAIR.format(tendon=tendon))
     mechanism = load(path).mechanism
     assert [("on different branches of the tree" in c) for c in mechanism.caveats] == told * [True]
+    notes = save(mechanism, tmp_path / "again.xml")
+    assert [("on different branches of the tree" in note) for note in notes].count(True) == told
     # MuJoCo's inertia without the tendon, and with that of its whole length.
     model = mj.MjModel.from_xml_path(str(path))
     data, M, J = mj.MjData(model), np.zeros((3, 3)), np.zeros(3)

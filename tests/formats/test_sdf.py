@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import linkwork as lw
 from linkwork.errors import ModelWarning
-from linkwork.formats import load
+from linkwork.formats import load, save
 from linkwork.mechanism import (
     GROUND,
     Inertia,
@@ -411,7 +411,6 @@ def test_limits_efforts_and_shapes(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ("<link name='b'><gravity>false</gravity></link>", "<link 'b'> has no weight in the file"),
         ("<link name='b'><kinematic>1</kinematic></link>", "<link 'b'> is moved from outside"),
         ("<drake:linear_bushing_rpy/>", "<drake:linear_bushing_rpy> is left out"),
     ],
@@ -419,6 +418,31 @@ def test_limits_efforts_and_shapes(tmp_path):
 def test_what_changes_the_motion_is_warned_of(change, words, tmp_path):
     with pytest.warns(ModelWarning, match=words):
         read(model(LINK.format("a", "0 0 0 0 0 0", 1), change), tmp_path)
+
+
+def test_links_without_gravity_have_no_weight(tmp_path):
+    """A double pendulum whose second link does not pull at the first, beside one without gravity
+    at all; properties of contacts change nothing."""
+    links = LINK.format("a", "0 0 0 0 0 0", 1) + LINK.format("b", "1 0 0 0 0 0", 2)
+    y = "<axis><xyz>0 1 0</xyz></axis>"
+    joints = joint("j", "revolute", "world", "a", y) + joint("k", "revolute", "a", "b", y)
+    off, contact = "<gravity>false</gravity></link>", "<contact/><gravity>0</gravity></link>"
+    texts = links.replace("</link>", off), links.replace("</link>", contact)
+    imported = [read(model(text, joints), tmp_path) for text in texts]
+    assert not any(each.mechanism.caveats for each in imported)
+    lifts = imported[0].mechanism.lifts
+    assert {name: lift.mass for name, lift in lifts.items()} == {"a": 1, "b": 2}
+    assert lifts == imported[1].mechanism.lifts
+    robot = lw.Robot(imported[0].mechanism)
+    assert robot.forward_dynamics(robot.home, [0.0, 0.0]) == pytest.approx([0, 0], abs=1e-12)
+    for suffix in ("sdf", "urdf"):
+        save(imported[0].mechanism, tmp_path / f"again.{suffix}")
+        again = load(tmp_path / f"again.{suffix}").mechanism.lifts
+        assert {name: lift.mass for name, lift in again.items()} == {"a": 1, "b": 2}
+    light = lifts["b"].model_copy(update={"mass": 1.5})
+    other = imported[0].mechanism.model_copy(update={"lifts": {"b": light}})
+    with pytest.raises(MechanismError, match="SDF has no place for lifts, as for 'b'"):
+        save(other, tmp_path / "again.sdf")
 
 
 A, B = LINK.format("a", "0 0 0 0 0 0", 1), LINK.format("b", "1 0 0 0 0 0", 1)

@@ -8,7 +8,7 @@ import pytest
 import linkwork as lw
 from linkwork.errors import ModelWarning
 from linkwork.formats import load
-from linkwork.mechanism import Friction, Limits, MechanismError
+from linkwork.mechanism import Friction, Lift, Limits, MechanismError
 
 from tests.formats import samples
 
@@ -299,11 +299,21 @@ def test_what_only_a_macro_would_make_is_refused_with_that_reason(tmp_path):
         read(arm(), tmp_path, "arm.urdf.xacro")
 
 
-@pytest.mark.parametrize(("word", "count"), [("false", 1), ("true", 0)])
-def test_weight_that_gazebo_switches_off_is_told(word, count, tmp_path):
-    gazebo = f'<gazebo reference="b"><gravity>{word}</gravity></gazebo></robot>'
-    caveats = read(arm().replace("</robot>", gazebo), tmp_path).mechanism.caveats
-    assert sum("weight acts on all bodies" in caveat for caveat in caveats) == count
+@pytest.mark.parametrize(
+    "off",
+    ["<gravity>false</gravity>", "<turnGravityOff>true</turnGravityOff>", "<gravity>1</gravity>"],
+)
+def test_weight_that_gazebo_switches_off_is_carried(off, tmp_path):
+    def mechanism(reference):
+        gazebo = f"<gazebo {reference}>{off}</gazebo></robot>"
+        return read(arm().replace("</robot>", gazebo), tmp_path).mechanism
+
+    found, body = mechanism('reference="b"'), mechanism("").bodies["b"]
+    assert not found.caveats
+    lift = Lift(body="b", point=body.centre_of_mass, mass=body.mass)
+    assert found.lifts == ({} if "1" in off else {"b": lift})
+    told = [caveat for caveat in mechanism("").caveats if "it is told of no link" in caveat]
+    assert len(told) == ("1" not in off)
 
 
 REFUSED = {
@@ -396,11 +406,9 @@ def test_springs_of_gazebo_and_what_it_says_of_the_motion(tmp_path):
     imported = read(arm(spring), tmp_path)
     assert imported.mechanism.joints["j"].spring == lw.Spring(stiffness=4, rest=0.2)
     assert not imported.mechanism.caveats
-    text = arm('<gazebo reference="a"><turnGravityOff>{}</turnGravityOff></gazebo>')
+    text = arm('<gazebo reference="a"><kinematic>{}</kinematic></gazebo>')
     assert not read(text.format("false"), tmp_path).mechanism.caveats
-    with pytest.warns(
-        ModelWarning, match="<turnGravityOff> in a <gazebo> is left out: weight acts"
-    ):
+    with pytest.warns(ModelWarning, match="<kinematic> in a <gazebo> is left out: bodies move by"):
         read(text.format("true"), tmp_path)
 
 

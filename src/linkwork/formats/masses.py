@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.mechanism import Body
+from linkwork.mechanism import Body, Mechanism
 from linkwork.solids.solid import Solid
 
 NOISE = 1e-12  # of a moment of inertia, relative to the greatest
@@ -24,3 +24,26 @@ def without_noise(inertia: np.ndarray, least: float) -> np.ndarray:
     tensor = axes @ np.diag(np.maximum(moments, 0.0)) @ axes.T
     np.fill_diagonal(tensor, np.maximum(np.diag(tensor), 0.0))
     return tensor
+
+
+def whole_weights(mechanism: Mechanism) -> dict[str, str]:
+    """Return the bodies whose whole weight is carried by one lift each, by the lifts' names."""
+    found: dict[str, str] = {}
+    for name, lift in mechanism.lifts.items():
+        body = mechanism.bodies.get(lift.body)
+        whole = body and (lift.point, lift.mass) == (body.centre_of_mass, body.mass)
+        if whole and lift.body not in found.values():
+            found[name] = lift.body
+    return found
+
+
+def unheld(mechanism: Mechanism) -> tuple[str, str] | None:
+    """Return the kind and the name of something that acts on the motion and has no place in SDF and
+    URDF, where links without weight have one; None where there is nothing."""
+    weights = whole_weights(mechanism)
+    for kind in ("transmissions", "springs", "lifts", "drags", "contacts"):
+        held = weights if kind == "lifts" else {}
+        own = next((name for name in getattr(mechanism, kind) if name not in held), None)
+        if own is not None:
+            return kind, own
+    return None

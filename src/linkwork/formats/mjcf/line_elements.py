@@ -5,6 +5,7 @@ from __future__ import annotations
 from xml.etree import ElementTree as ET
 
 from linkwork.formats import poses
+from linkwork.formats.mjcf.branches import on_one_branch
 from linkwork.formats.mjcf.laws import law_of, number, numbers
 from linkwork.formats.mjcf.sheet import Sheet, placed, put
 from linkwork.mechanism import (
@@ -36,6 +37,7 @@ def write_combinations(sheet: Sheet) -> None:
             if ratio:
                 ET.SubElement(tendon, "joint", joint=label, coef=number(ratio))
         write_along(sheet, tendon, line, line.offset)
+        tell_off_tree(sheet, name, line)
 
 
 def write_cables(sheet: Sheet) -> None:
@@ -65,6 +67,7 @@ def write_cables(sheet: Sheet) -> None:
                     sheet.site(f"{label}.side", side.body, X)
                     led.set("sidesite", f"{label}.side")
         write_along(sheet, tendon, line, 0.0)
+        tell_off_tree(sheet, name, line)
 
 
 def write_along(sheet: Sheet, tendon: ET.Element, line: LoadedLength, offset: float) -> None:
@@ -77,6 +80,22 @@ def write_along(sheet: Sheet, tendon: ET.Element, line: LoadedLength, offset: fl
     if spring.stiffness:
         rest = spring.rest - offset
         tendon.set("springlength", numbers((rest, rest + spring.slack)))
+
+
+def tell_off_tree(sheet: Sheet, name: str, line: Combination | Cable) -> None:
+    """Note an inertia along a length that couples branches of the file's tree."""
+    seats = sheet.plan.seats
+    owners = {move.name: seat.name for seat in seats.values() for move in seat.moves}
+
+    def chain(body: str) -> list[str]:
+        on_way = sheet.plan.chain(body) if body in seats else []
+        return [seat for seat in on_way if seat in seats and seats[seat].moves]
+
+    if line.inertia and not on_one_branch(line, owners, chain):
+        sheet.notes.say(
+            f"transmissions.{name}: its inertia couples joints on different branches of the tree; "
+            "MuJoCo leaves this out of its inertia matrix, and here it is whole"
+        )
 
 
 def line_name(sheet: Sheet, name: str) -> str:

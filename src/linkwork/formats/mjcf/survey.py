@@ -93,7 +93,8 @@ ATTRIBUTES: dict[str, set[str]] = {
         "passthrough", "conflict",
     },
     "option": {
-        "gravity", "timestep", "integrator", "solver", "iterations", "tolerance", "ls_iterations",
+        "gravity", "collision",
+        "timestep", "integrator", "solver", "iterations", "tolerance", "ls_iterations",
         "ls_tolerance", "noslip_iterations", "noslip_tolerance", "ccd_iterations", "ccd_tolerance",
         "cone", "jacobian", "impratio", "apirate", "magnetic", "o_margin", "o_solref", "o_solimp",
         "o_friction", "sdf_iterations", "sdf_initpoints",

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import TypeVar
 
 import casadi as ca
@@ -18,6 +17,7 @@ import numpy as np
 
 from linkwork.equations.cables import way
 from linkwork.formats import poses
+from linkwork.formats.mjcf.branches import on_one_branch
 from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.geoms import kind_of, measured
 from linkwork.formats.mjcf.joints import Joints
@@ -316,26 +316,18 @@ class TendonReader:
         )
 
     def _on_one_branch(self, line: Combination | Cable) -> bool:
-        """Tell whether all joints that change the length of a transmission move one another's
-        bodies: none stands beside another one in the tree."""
+        """Tell whether no joint that changes a length stands beside another one in the tree."""
         tree = self.loops.tree
-        if isinstance(line, Combination):
-            moved = {
-                node.name
-                for node, piece in tree.pieces()
-                if line.ratios.get(self.joints.coordinates.get(piece.name or "", ""))
-            }
-        else:
-            ways = [
-                {node.name for node in tree.chain(part.body) if node.pieces}
-                if not isinstance(part, PulleyBlock)
-                else None
-                for part in line.path
-            ]
-            pairs = [(a, b) for a, b in pairwise(ways) if a is not None and b is not None]
-            moved = set().union(*(a ^ b for a, b in pairs))
-        chains = [{node.name for node in tree.chain(body)} for body in moved]
-        return not moved or moved <= max(chains, key=len)
+        owners = {
+            self.joints.coordinates[piece.name]: node.name
+            for node, piece in tree.pieces()
+            if piece.name in self.joints.coordinates
+        }
+
+        def chain(body: str) -> list[str]:
+            return [node.name for node in tree.chain(body) if node.pieces]
+
+        return on_one_branch(line, owners, chain)
 
     def _spring(self, element: Element, at_rest: float) -> SlackSpring:
         """Return the spring and damper along a tendon whose length where joints' springs rest is

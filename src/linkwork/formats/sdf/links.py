@@ -51,9 +51,8 @@ def survey_link(link: Element, notes: Notes) -> None:
     """Note what a link says that is not read."""
     for child in link.children:
         if child.tag not in SILENT:
-            notes.on(child, "in a <link> is left out: it is not known here", alters=True)
-    if not link.inner_flag("gravity", True):
-        notes.on(link, "has no weight in the file; here weight acts on all bodies", alters=True)
+            unfelt = child.tag == "contact"
+            notes.on(child, "in a <link> is left out: it is not known here", alters=not unfelt)
     if link.inner_flag("kinematic"):
         notes.on(link, "is moved from outside in the file; here it moves freely", alters=True)
     decay = link.first("velocity_decay")

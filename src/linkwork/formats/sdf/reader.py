@@ -2,7 +2,8 @@
 chain of joints holds to the world float.
 
 Models keep their links' names; several models, and nested ones, put their own names before them
-(`arm::link`). Static models are ground. Named frames are tools.
+(`arm::link`). Static models are ground. Named frames are tools. The weight of links without
+gravity is carried.
 
 Source: the SDF specification, http://sdformat.org/spec.
 """
@@ -30,6 +31,7 @@ from linkwork.mechanism import (
     Frame,
     FreeJoint,
     Joint,
+    Lift,
     Mechanism,
     MechanismError,
     PairJoint,
@@ -74,12 +76,14 @@ def _mechanism(root: Element, top: Scope, notes: Notes, reading: Reading) -> Mec
     version, scopes = _version(root), list(top.all())
     _survey(scopes, notes)
     # Links that move are bodies.
-    body_names, bodies, keys = FreeNames(notes, (GROUND,)), {}, {}
+    body_names, bodies, keys, lifts = FreeNames(notes, (GROUND,)), {}, {}, {}
     for scope in scopes:
         for name, link in () if scope.static else scope.links():
             survey_link(link, notes)
             keys[scope.path + name] = called = body_names.give(scope.path + name, link)
-            bodies[called] = _body(scope, link, reading, notes)
+            bodies[called] = body = _body(scope, link, reading, notes)
+            if not link.inner_flag("gravity", True) and body.mass:
+                lifts[called] = Lift(body=called, point=body.centre_of_mass, mass=body.mass)
     # Joints between them, gears between joints, and free joints where nothing holds.
     reader = JointReader(version, keys, notes, FreeNames(notes), body_names)
     for scope in scopes:
@@ -97,6 +101,7 @@ def _mechanism(root: Element, top: Scope, notes: Notes, reading: Reading) -> Mec
             bodies=bodies,
             joints=joints,
             springs=springs,
+            lifts=lifts,
             actuators=actuators,
             drives=_drives(reader, actuators, root, notes),
             tools=_tools(scopes, keys, notes),

@@ -17,7 +17,7 @@ import numpy as np
 
 from linkwork.equations.joints import held_length, motions_of, pattern
 from linkwork.formats import poses
-from linkwork.formats.masses import solid_of
+from linkwork.formats.masses import solid_of, unheld, whole_weights
 from linkwork.formats.mjcf.laws import numbers
 from linkwork.formats.mjcf.model_plan import Home
 from linkwork.formats.mjcf.writer import home_of
@@ -109,9 +109,8 @@ def to_sdf(mechanism: Mechanism) -> tuple[str, tuple[str, ...]]:
 def refuse_unheld(sheet: SdfSheet) -> None:
     """Refuse what acts on the motion, or holds it, and has no place in SDF."""
     mechanism = sheet.mechanism
-    for kind in ("transmissions", "springs", "lifts", "drags", "contacts"):
-        if own := getattr(mechanism, kind):
-            raise sheet.refusal(f"SDF has no place for {kind}, as for {next(iter(own))!r}")
+    if lost := unheld(mechanism):
+        raise sheet.refusal(f"SDF has no place for {lost[0]}, as for {lost[1]!r}")
     for name, joint in mechanism.pairs.items():
         kind = pattern(joint)
         floats = kind == FREE and GROUND in joint.connects
@@ -164,6 +163,8 @@ def write_link(sheet: SdfSheet, name: str) -> None:
     for i, row in enumerate("xyz"):
         for j, column in enumerate("xyz"[i:], start=i):
             add(inertia, f"i{row}{column}", tensor[i, j])
+    if name in whole_weights(sheet.mechanism).values():
+        ET.SubElement(link, "gravity").text = "false"
     if not solid.mass:
         sheet.notes.say(f"{name}: has no mass, which other programs than this may refuse")
     write_shapes(sheet, name, link)

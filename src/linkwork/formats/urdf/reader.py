@@ -41,6 +41,7 @@ from linkwork.mechanism import (
     Friction,
     GearJoint,
     Joint,
+    Lift,
     Limits,
     Mechanism,
     MechanismError,
@@ -65,9 +66,11 @@ MASSLESS = (
     "holds no <mass>, which is zero then (a <density>, as some programs write it, is not read)"
 )
 GAZEBO_READ = ("joint", "springStiffness", "springReference")
+WEIGHT = ("turnGravityOff", "gravity")
+NO_LINK = "it is told of no link, and weight acts on all bodies"
 GAZEBO_MOTION = {
-    "turnGravityOff": "weight acts on all bodies",
-    "gravity": "weight acts on all bodies",
+    "turnGravityOff": NO_LINK,
+    "gravity": NO_LINK,
     "kinematic": "bodies move by forces alone",
     "dampingFactor": "nothing slows bodies down but joints",
     "link": "links are those of the file itself",
@@ -161,6 +164,7 @@ def _mechanism(root: Element, notes: Notes, reading: Reading) -> Mechanism:
             bodies=bodies,
             joints=joints | gears | loops,
             springs=springs,
+            lifts=_lifts(model),
             transmissions=actuation.transmissions,
             actuators=tuple(actuation.names),
             drives=actuation.drives,
@@ -198,13 +202,14 @@ def _say_what_stands(model: UrdfModel, notes: Notes) -> None:
 def _survey(root: Element, notes: Notes) -> list[Element]:
     """Note the elements that are not read, and return the macros among them."""
     macros = [element for element in root.children if element.tag.startswith("xacro:")]
+    links = {link.attributes.get("name", "") for link in root.each("link")}
     for element in macros:
         # What defines something makes nothing by itself.
         alters = element.tag not in DEFINITIONS
         notes.on(element, f"is left out: it {MACRO}", alters)
     for element in (each for each in root.children if each not in macros):
         if element.tag == "gazebo":
-            _survey_gazebo(element, notes)
+            _survey_gazebo(element, links, notes)
         if element.tag == drake.BUSHING:
             notes.on(element, drake.SOFT, alters=True)
         if element.tag not in SILENT["robot"] and not any(element.each(*GAZEBO_READ)):
@@ -225,11 +230,18 @@ def _survey(root: Element, notes: Notes) -> list[Element]:
     return macros
 
 
-def _survey_gazebo(element: Element, notes: Notes) -> None:
+def _survey_gazebo(element: Element, links: set[str], notes: Notes) -> None:
     """Note what <gazebo> says of the motion that is not read."""
+    told = element.attributes.get("reference", "") in links
     for child in element.each(*GAZEBO_MOTION):
-        if (child.content.lower() in OFF) == (child.tag == "gravity"):
+        if _is_said(child) and not (told and child.tag in WEIGHT):
             notes.on(child, f"in a <gazebo> is left out: {GAZEBO_MOTION[child.tag]}", alters=True)
+
+
+def _is_said(child: Element) -> bool:
+    """Tell whether an element of <gazebo> takes a link's weight away, or says another thing that is
+    not off."""
+    return (child.content.lower() in OFF) == (child.tag == "gravity")
 
 
 def _says_nothing(element: Element) -> bool:
@@ -294,6 +306,21 @@ def _solid(link: Element, size: float, notes: Notes) -> Solid:
             ),
         )
     return Solid(mass, np.zeros(3), tensor).seen(origin(inertial))
+
+
+def _lifts(model: UrdfModel) -> dict[str, Lift]:
+    """Return what carries the weights that <gazebo> takes from links."""
+    lifts: dict[str, Lift] = {}
+    for element in model.root.each("gazebo"):
+        name = element.attributes.get("reference", "")
+        if name not in model.links or not any(map(_is_said, element.each(*WEIGHT))):
+            continue
+        (body, X), mass = model.seat(name), weight(model.links[name])
+        inertial = model.links[name].first("inertial")
+        if body != GROUND and mass and inertial is not None:
+            centre = poses.triple((X @ origin(inertial))[:3, 3])
+            lifts[model.bodies[name]] = element.make(Lift, body=body, point=centre, mass=mass)
+    return lifts
 
 
 def _body(link: Element, solid: Solid, shapes: tuple[Shape, ...]) -> Body:

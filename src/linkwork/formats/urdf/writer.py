@@ -19,7 +19,7 @@ import numpy as np
 from linkwork.equations.joints import held_length, motions_of, pattern
 from linkwork.equations.topology import Branch, span
 from linkwork.formats import poses
-from linkwork.formats.masses import solid_of
+from linkwork.formats.masses import solid_of, unheld, whole_weights
 from linkwork.formats.mjcf.laws import numbers
 from linkwork.formats.urdf.closings import closings_place, closings_text, write_closing
 from linkwork.formats.urdf.sheet import (
@@ -107,18 +107,19 @@ def written(mechanism: Mechanism, beside: bool = False) -> UrdfSheet:
     write_gears(sheet)
     for name, tool in mechanism.tools.items():
         write_tool(sheet, name, tool.body, poses.of_frame(tool.frame))
+    for body in whole_weights(mechanism).values():
+        gazebo = ET.SubElement(sheet.root, "gazebo", reference=body)
+        ET.SubElement(gazebo, "gravity").text = "false"
     tell_losses(sheet)
     return sheet
 
 
 def refuse_what_moves(sheet: UrdfSheet) -> None:
     """Refuse what acts on the motion and has no place in URDF."""
-    for kind in ("transmissions", "springs", "lifts", "drags", "contacts"):
-        if own := getattr(sheet.mechanism, kind):
-            raise sheet.refusal(
-                f"URDF has no place for {kind}, as for {next(iter(own))!r}",
-                "write .xml (MJCF) or .yaml",
-            )
+    if lost := unheld(sheet.mechanism):
+        raise sheet.refusal(
+            f"URDF has no place for {lost[0]}, as for {lost[1]!r}", "write .xml (MJCF) or .yaml"
+        )
 
 
 # -------------------------------------------------------------------------------------------- tree
