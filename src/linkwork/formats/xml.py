@@ -91,15 +91,18 @@ class Element:
         return child and replace(child, attributes={**child.attributes, tag: child.content})
 
     def inner_number(self, tag: str, default: float, most: float = HUGE) -> float:
-        """Return the number that is the text of a child."""
+        """Return the number that is the text of a child; one without text says nothing."""
         child = self.inner(tag)
-        return default if child is None else child.number(tag, most=most)
+        if child is None or not child.attributes[tag]:
+            return default
+        return child.number(tag, most=most)
 
     def inner_flag(self, tag: str, default: bool = False) -> bool:
-        """Return the truth value that is the text of a child: true or 1, false or 0."""
+        """Return the truth value that is the text of a child: true or 1, false or 0; one without
+        text says nothing."""
         child = self.first(tag)
         word = "" if child is None else child.content.lower()
-        if child is not None and word not in FLAGS:
+        if child is not None and word and word not in FLAGS:
             raise child.refusal(f"holds {shortened(child.content)}; give true or false")
         return FLAGS.get(word, default)
 

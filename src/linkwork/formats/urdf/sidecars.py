@@ -44,6 +44,7 @@ import numpy as np
 
 from linkwork.formats import poses, xml
 from linkwork.formats.notes import Notes
+from linkwork.formats.sdf.scopes import read_pose
 from linkwork.formats.urdf.model import ONE_FREEDOM, UrdfJoint, UrdfModel, axis_of, origin, weight
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
@@ -222,10 +223,7 @@ def _gazebo_joint(name: str, element: Element, model: UrdfModel) -> Closure:
             raise element.refusal(f"there is no link {xml.shortened(link)}")
         ends.append(link)
     pose, axis = element.inner("pose"), element.first("axis")
-    own = np.eye(4)
-    if pose is not None:
-        numbers = pose.numbers("pose", (6,))
-        own = poses.pose(numbers[:3], poses.from_rpy(*numbers[3:]))
+    own = np.eye(4) if pose is None else read_pose(pose)
     far = _seen_from(pose, "relative_to", ends[1], model) @ own
     near = poses.inverse(model.at_zero(ends[0])) @ model.at_zero(ends[1]) @ far
     made = {"prismatic": PrismaticJoint, "fixed": FixedJoint, "ball": SphericalJoint}
