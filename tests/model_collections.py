@@ -36,6 +36,7 @@ from linkwork.formats.models import FORMATS, MODELS, read
 SPANS, STEPS = (1e-5, 1e-7), 4  # of the motion beside the other engine [s], and of its integrator
 RIGHT = 1e-8  # of which rounding within so short a time takes up to a half
 LEAST = 0.1  # of accelerations that differences are compared with [m/s^2, rad/s^2]
+ROUNDED = 1e-6  # rows so much shorter than the longest are what rounded numbers leave of none
 RANK = 1e-7  # of constraint rows, relative to the greatest
 COLUMNS = ("file", "read", "caveats", "mobility", "other", "apart", "run", "end", "closure", "cpu")
 
@@ -243,7 +244,8 @@ def acceleration(side: Any, q: np.ndarray, v: np.ndarray, freedoms: int) -> np.n
     d = 1 / np.sqrt(np.diag(M))
     scaled = J * d
     size = np.linalg.norm(scaled, axis=1)
-    size[size < 1e-9 * size.max(initial=1e-300)] = 1.0
+    own = np.linalg.norm(J, axis=1)
+    size[own < ROUNDED * own.max(initial=1e-300)] = 1.0
     U, s, Vt = np.linalg.svd(scaled / size[:, None])
     rank = min(int((s > RANK * s[0]).sum()), side.nv - freedoms)
     N, held = Vt[rank:].T, -Vt[:rank].T @ ((U.T @ (gamma / size))[:rank] / s[:rank])
