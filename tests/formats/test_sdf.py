@@ -420,13 +420,16 @@ def test_what_changes_the_motion_is_warned_of(change, words, tmp_path):
         read(model(LINK.format("a", "0 0 0 0 0 0", 1), change), tmp_path)
 
 
-def test_elements_without_text_say_nothing(tmp_path):
+def test_elements_without_text_and_infinite_ends_say_nothing(tmp_path):
     """As sdformat takes them, and programs write them."""
-    more = "<axis><xyz>0 0 1</xyz><dynamics><damping/></dynamics><limit><effort/></limit></axis>"
+    more = "<axis><xyz>0 0 1</xyz><dynamics><damping/></dynamics><limit><effort/>{}</limit></axis>"
+    ends = "<lower>-inf</lower><upper>2</upper><velocity>inf</velocity>"
+    more = more.format(ends)
     link = LINK.format("a", "0 0 0 0 0 0", 1).replace("</link>", "<gravity/><pose/></link>")
     link = link.replace("<pose>0 0 0 0 0 0</pose>", "")
     mechanism = read(model(link, joint("j", "revolute", "world", "a", more)), tmp_path).mechanism
     assert mechanism.joints["j"].friction.viscous == 0
+    assert mechanism.joints["j"].limits == Limits(upper=2)
     assert not mechanism.lifts and not mechanism.drives and mechanism.actuators == ("j",)
 
 

@@ -98,6 +98,9 @@ def test_open_and_twisted_meshes_are_known():
     assert Triangles(vertices, twisted).open_edges == 3
     apart = Triangles(vertices[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3))
     assert apart.open_edges == 0
+    points, numbers = np.unique(apart.vertices, axis=0, return_inverse=True)
+    assert (apart.joined().vertices == points).all()
+    assert (apart.joined().faces == numbers.reshape(-1, 3)).all()
 
 
 def test_files_hold_the_same_triangles(tmp_path):

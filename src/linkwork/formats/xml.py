@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from math import isfinite
+from math import inf, isfinite, isinf
 from pathlib import Path
 from typing import Any, TypeVar
 from xml.parsers import expat
@@ -132,7 +132,7 @@ class Element:
         """Return the numbers of an attribute; another count than those allowed, or a number that is
         not finite, is refused. An attribute of blanks gives nothing, as in MuJoCo.
 
-        most: the largest number of either sign
+        most: the largest number of either sign, which may be infinite itself
         """
         if default is not None and not self.attributes.get(name, "").strip():
             return default
@@ -168,7 +168,7 @@ class Element:
             if word.startswith(MACROS):
                 what = "is a macro; expand the file with xacro first"
             raise self.refusal(f"{name} holds {shortened(word)}, which {what}") from None
-        if not isfinite(value):
+        if not isfinite(value) and not (most == inf and isinf(value)):
             raise self.refusal(
                 f"{name} holds {shortened(word, quoted=False)}, which is not a finite number"
             )

@@ -58,8 +58,12 @@ class Triangles:
 
     def joined(self) -> Triangles:
         """Return the mesh with vertices of equal place as one."""
-        vertices, numbers = np.unique(self.vertices, axis=0, return_inverse=True)
-        return Triangles(vertices, numbers.reshape(-1)[self.faces])
+        order = np.lexsort(self.vertices.T[::-1])
+        ordered, numbers = self.vertices[order], np.empty(len(order), np.int64)
+        first = np.ones(len(order), bool)
+        first[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+        numbers[order] = np.cumsum(first) - 1
+        return Triangles(ordered[first], numbers[self.faces])
 
     @property
     def hull(self) -> Triangles:
@@ -73,8 +77,9 @@ class Triangles:
         faces = self.joined().faces
         edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
         ways = np.sign(edges[:, 1] - edges[:, 0])
-        _, numbers = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
-        return int(np.count_nonzero(np.bincount(numbers.reshape(-1), weights=ways)))
+        names = edges.min(axis=1) * (1 + edges.max(initial=0)) + edges.max(axis=1)
+        _, numbers = np.unique(names, return_inverse=True)
+        return int(np.count_nonzero(np.bincount(numbers, weights=ways)))
 
 
 def hull_of(points: np.ndarray, options: str = "Qt") -> Triangles:
