@@ -129,9 +129,9 @@ def test_the_command_refuses_a_file_as_folder(tmp_path):
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(0.0, "0"), (None, "–"), (float("nan"), "–"), (1.234e-9, "1.2·10⁻⁹"), (0.0125, "0.013"),
-     (-27.3, "−27"), (1000, "1000"), (0.00099999, "0.001"), (9.99e-10, "1.0·10⁻⁹"),
-     (-2e7, "−2.0·10⁷")],
+    [(0.0, "0"), (-0.0, "0"), (None, "–"), (float("nan"), "–"), (1.234e-9, "1.2·10⁻⁹"),
+     (0.0125, "0.013"), (-27.3, "−27"), (1000, "1000"), (0.00099999, "0.001"),
+     (9.99e-10, "1.0·10⁻⁹"), (-2e7, "−2.0·10⁷")],
 )  # fmt: skip
 def test_numbers_in_few_digits(value, text):
     assert short(value) == text

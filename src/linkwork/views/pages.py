@@ -77,7 +77,7 @@ def short(value: float | None, digits: int = 2) -> str:
     """Return a number in few digits: 0.0125, 1.2·10⁻⁹; a dash for none."""
     if value is None or value != value:
         return "–"
-    rounded = float(f"{value:.{digits}g}")
+    rounded = float(f"{value:.{digits}g}") + 0.0  # no minus before a zero
     if rounded == 0 or 1e-3 <= abs(rounded) < 1e5:
         return f"{rounded:.10g}".replace("-", "−")
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
