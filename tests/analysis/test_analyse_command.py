@@ -79,6 +79,8 @@ def test_a_map_is_printed_written_and_drawn(tmp_path):
 def test_small_motions_stiffness_and_rest():
     text = printed("pendulum", "linearise", "--joints", "hinge_1=-1.5707963267948966")
     assert "stable" in text and f"{np.sqrt(9.81) / (2 * np.pi):.6g}" in text
+    assert "falls away" not in text
+    assert "falls away" in printed("pendulum", "linearise", "--joints", "hinge_1=90deg")
     assert "no: it accelerates" in printed("pendulum", "linearise", "--forces", "0")
     assert "3.044e+05" in printed(
         "prr3", "stiffness", "--joint-stiffness", "slide_1=1e5,slide_2=1e5,slide_3=1e5"

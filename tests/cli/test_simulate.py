@@ -56,7 +56,7 @@ def test_csv_is_written_and_forces_are_taken_from_csv(tmp_path):
         "--kind",
         "hold",
         "--joints",
-        "slide_1=0.2,slide_2=0.2,slide_3=0.2",
+        "slide_1=0.2,slide_2=20cm,slide_3=200 mm",
     )
     lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
     columns = lines[0].split(",")

@@ -82,7 +82,7 @@ def simulate(
         typer.Option(
             metavar="VALUES",
             help=(
-                "Start at 'slide_1=0.2' or 'ball.qx=0.1,...', m or rad; with --tool they choose "
+                "Start at 'slide_1=0.2' or 'crank=40deg,...', m or rad; with --tool they choose "
                 "the branch."
             ),
         ),

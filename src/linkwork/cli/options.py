@@ -80,7 +80,10 @@ What = Annotated[
 ]
 Joints = Annotated[
     str | None,
-    typer.Option(metavar="VALUES", help="Joint coordinates 'slide_1=0.2,...', m or rad."),
+    typer.Option(
+        metavar="VALUES",
+        help="Joint coordinates 'slide_1=0.2,...', m or rad or with units ('crank=40deg').",
+    ),
 ]
 Forces = Annotated[
     str | None,

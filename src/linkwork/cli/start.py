@@ -5,7 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from linkwork.cli.entries import by_name, of_tool
+from linkwork.formats.references import angles_of
 from linkwork.robot import Robot, State
+
+
+def joints_given(robot: Robot, text: str) -> dict[str, float]:
+    """Return joint coordinates by name [m, rad], which may be given with units."""
+    return by_name(text, robot.coordinates, "--joints", angles_of(robot.mechanism))
 
 
 @dataclass(frozen=True)
@@ -27,7 +33,7 @@ class StartOptions:
         is said."""
         state = robot.home
         if self.joints is not None:
-            state = robot.assemble(by_name(self.joints, robot.coordinates, "--joints"))
+            state = robot.assemble(joints_given(robot, self.joints))
         if self.tool is not None:
             state = robot.assemble(tool=of_tool(self.tool, "--tool"), guess=state)
         if self.rates is not None:

@@ -23,7 +23,7 @@ from linkwork.cli.poses import (
     tidy_pose,
 )
 from linkwork.cli.source import Source
-from linkwork.cli.start import StartOptions
+from linkwork.cli.start import StartOptions, joints_given
 from linkwork.cli.terminal import console, facts, patience, show_json, table, tidy
 from linkwork.equations.body_motion import pose_places
 from linkwork.errors import LinkworkError
@@ -100,7 +100,7 @@ def modes(
             values = list(given.values()) if isinstance(given, dict) else given
             found = analysis.working_modes(robot, values, what=what, starts=starts, seed=seed)
         else:
-            asked = None if joints is None else by_name(joints, robot.coordinates, "--joints")
+            asked = None if joints is None else joints_given(robot, joints)
             found = analysis.assembly_modes(robot, asked, starts=starts, seed=seed)
     if as_json:
         told = {name: getattr(found, name) for name in MODES_TOLD}
@@ -315,6 +315,8 @@ def linearise(
         ]
         out.print()
         out.print(table(("frequency [Hz]", *shown), rows, numbers=range(len(shown) + 1)))
+        if (modes.frequencies < 0).any():
+            out.print("\nA frequency f below zero: the robot falls away, as exp(2 pi |f| t).")
         if free := np.count_nonzero(modes.frequencies == 0):
             out.print(
                 f"\nNothing pulls back {amount(int(free), 'mode')} of 0 Hz: their shapes are some "
