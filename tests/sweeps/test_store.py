@@ -226,7 +226,10 @@ def test_table_and_plots(tmp_path):
     table, plots = write(outcome.store, found, tmp_path)
     rows = table.read_text().splitlines()
     assert len(rows) == 3 and rows[1].startswith(",end.rail,m,40,")
-    assert "cart.mass" in plots.read_text()
+    drawn = plots.read_text()
+    assert "cart.mass" in drawn
+    ticks = [panel.count('<g id="xtick_') for panel in drawn.split('<g id="axes_')[1:]]
+    assert len(ticks) == 4 and max(ticks) <= 4
 
 
 def test_the_report_reads_a_part_at_a_time_and_draws_a_bounded_number(tmp_path, monkeypatch):

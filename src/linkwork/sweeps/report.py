@@ -240,6 +240,8 @@ def figure(store: Store, found: Summary) -> Figure:
             for axes, across in zip(axes_row, varied, strict=False):
                 unit = unit_of_parameter(store.bench.robot.mechanism, across)
                 axes.set_xlabel(f"{across} [{unit}]" if unit else across)
+        for axes in grid.flat:  # so few ticks that their numbers stand apart
+            axes.locator_params(axis="x", nbins=3)
         # What the colours are, also of those that have nothing in the first row.
         grid[0][-1].set_title("members")
         if len(controllers) > 1:
