@@ -44,7 +44,7 @@ WINGS = {
     # How code becomes quick, and is kept.
     "fewer operations": ("simplify", "regrouping", "turned_inertia"),
     "sines and cosines": ("angles", "elementary"),
-    "stacks of states": ("stacks", "stored_states", "transposed"),
+    "stacks of states": ("dense", "stacks", "stored_states", "transposed"),
     "compiled by Numba": ("compiled", "pointers", "structures"),
     "kept and sent": ("cache", "derivations", "pickled"),
     # What a robot is asked at a state.

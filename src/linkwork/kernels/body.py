@@ -68,7 +68,11 @@ class SectionBody:
                 self.lines.store(self.number(k), self.target, self.plan.kept[k])
         results = {place: k for k in section.nodes for place in self.plan.places.get(k, ())}
         for place in sorted(results):
-            self.lines.store(self.number(results[place]), "%out", place * self.abreast)
+            self._give(place, self.number(results[place]))
+
+    def _give(self, place: int, number: str) -> None:
+        """Write a result."""
+        self.lines.store(number, "%out", place * self.abreast)
 
     def turn(self, angle: int, sine: str, cosine: str) -> None:
         """Take the names of the sine and the cosine of the angle at that position."""

@@ -33,13 +33,14 @@ from linkwork.kernels.stored_states import rows_text
 from linkwork.kernels.unit_directions import columns_text
 from linkwork.kernels.unit_rows import ByRows, joining_text
 
-Kind = Literal["one", "batch", "wide", "columns", "by_rows"]
+Kind = Literal["one", "batch", "wide", "dense", "columns", "by_rows"]
 
 ABREAST = 2  # vectors of states that `wide` evaluates
 FUNCTIONS: dict[Kind, tuple[str, ...]] = {
     "one": ("one",),
     "batch": ("batch", "rows"),
     "wide": ("wide",),
+    "dense": ("dense",),
 }
 """The functions that the modules of every program define; "columns" and "by_rows" are for
 derivatives alone."""
@@ -50,19 +51,9 @@ def module_text(program: Program, machine: Machine, kind: Kind) -> str:
     rows, single_numbers = ByRows(program), machine.for_single_numbers
     if kind == "one" or (kind == "by_rows" and rows.rows <= single_numbers.lanes):
         machine = single_numbers
-    called = {node.op for node in program.nodes if node.op in LIBRARY}
-    if called & {"sin", "cos"}:
-        called |= {"sin", "cos"}
-    parts = [
-        f"declare double @{name}({', '.join(['double'] * LIBRARY[name])})"
-        for name in sorted(called)
-    ]
-    if "sin" in called:
-        parts.append(angles.sines_and_cosines_text(machine))
+    parts = library_texts(program, machine, kind != "one")
     if kind == "one":
         parts += _one(program, machine)
-    else:
-        parts += [_lane_by_lane(name, machine) for name in sorted(called - {"sin", "cos"})]
     if kind == "by_rows":
         single, batch = rows.single(), rows.batch()
         parts += [
@@ -79,9 +70,23 @@ def module_text(program: Program, machine: Machine, kind: Kind) -> str:
     return "\n\n".join(parts) + "\n"
 
 
+def library_texts(program: Program, machine: Machine, vectors: bool) -> list[str]:
+    """Return the functions that are called besides: the C library's, for vectors lane by lane, and
+    sines and cosines."""
+    called = {node.op for node in program.nodes if node.op in LIBRARY}
+    turned = called & {"sin", "cos"}
+    parts = [
+        f"declare double @{name}({', '.join(['double'] * LIBRARY[name])})"
+        for name in sorted(called | ({"sin", "cos"} if turned else set()))
+    ]
+    parts += [angles.sines_and_cosines_text(machine)] if turned else []
+    others = sorted(called - turned) if vectors else []
+    return parts + [_lane_by_lane(name, machine) for name in others]
+
+
 def _one(program: Program, machine: Machine, name: str = "one") -> list[str]:
     lines = Lines(1, ConstantTable.of(name, machine))
-    parts = _evaluation(name, lines, program, machine, 1)
+    parts = evaluation(name, lines, program, machine, 1)
     lines.do("ret void")
     linkage = "" if name == "one" else "internal "
     head = f"{linkage}void @{name}({INOUT.format('%in', '%out')}) {machine.attributes}"
@@ -102,7 +107,7 @@ def _vectors(program: Program, machine: Machine, kind: Kind, shared: int = 0) ->
     lines.do(f"%left = phi i64 [ {count}, %entry ], [ %left.next, %next ]")
     lines.do("%in = phi ptr [ %in.first, %entry ], [ %in.next, %next ]")
     lines.do("%out = phi ptr [ %out.first, %entry ], [ %out.next, %next ]")
-    parts = _evaluation(kind, lines, program, machine, abreast, shared)
+    parts = evaluation(kind, lines, program, machine, abreast, shared)
     lines.do("br label %next")
     lines.label("next")
     lines.do(f"%in.next = getelementptr inbounds {lines.number}, ptr %in, i64 {steps[0]}")
@@ -117,7 +122,7 @@ def _vectors(program: Program, machine: Machine, kind: Kind, shared: int = 0) ->
     return [*parts, lines.table_text(), function_text(head, lines.text)]
 
 
-def _evaluation(
+def evaluation(
     name: str, lines: Lines, program: Program, machine: Machine, abreast: int, shared: int = 0
 ) -> list[str]:
     """Append the evaluation of a program, from %in to %out, to a function; return the definitions
@@ -145,7 +150,7 @@ def _evaluation(
     for section in plan.sections:
         body.add(section)
         if section.vectors:
-            _turn(body, section, wide, machine)
+            turn(body, section, wide, machine)
     return written if wide is lines else [*written, wide.table_text()]
 
 
@@ -196,7 +201,7 @@ def _keep_angles(body: SectionBody, section: Section, machine: Machine) -> None:
         body.lines.store(angle, body.target, section.first * in_vector + k)
 
 
-def _turn(body: SectionBody, section: Section, wide: Lines, machine: Machine) -> None:
+def turn(body: SectionBody, section: Section, wide: Lines, machine: Machine) -> None:
     """Append the sines and cosines of a section's few angles; for one state, several angles share a
     vector."""
     numbers = [body.number(k) for k in section.angles]

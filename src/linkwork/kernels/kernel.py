@@ -60,6 +60,8 @@ class Kernel:
         `lanes` states, laid out `in[block][n_in][lanes]` and `out[block][n_out][lanes]` and aligned
         to 64 bytes
     rows_address: of the function that evaluates states stored one a row (`stored_states`)
+    dense_address: of void(int64_t blocks, const double** in, double** out), which evaluates blocks
+        of `lanes` states stored one a row, without gaps (`dense`)
     wide_address: of void(const double* in, double* out), which evaluates `abreast` x `lanes`
         states, laid out `in[n_in][abreast * lanes]` and `out[n_out][abreast * lanes]` and aligned
         to 64 bytes: for loops whose next states need the results of these
@@ -119,6 +121,10 @@ class Kernel:
     @cached_property
     def rows_address(self) -> int:
         return self._module("batch").addresses["rows"]
+
+    @cached_property
+    def dense_address(self) -> int:
+        return self._module("dense").addresses["dense"]
 
     @cached_property
     def wide_address(self) -> int:

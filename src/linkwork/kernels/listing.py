@@ -3,7 +3,8 @@
 import re
 
 from linkwork.kernels.compile import assembly
-from linkwork.kernels.emit import Kind, module_text
+from linkwork.kernels.dense import source_text
+from linkwork.kernels.emit import Kind
 from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import Program
 
@@ -11,7 +12,7 @@ from linkwork.kernels.program import Program
 def listing(program: Program, machine: Machine, kind: Kind) -> str:
     """Return the assembly of a function, of one kind, with all sections of a large one, and
     all that goes row by row."""
-    text = assembly(module_text(program, machine, kind), machine)
+    text = assembly(source_text(program, machine, kind), machine)
     names = "single|batch|by_rows" if kind == "by_rows" else kind
     one_function = rf'^"?_?(?:{names})(?:\.\d+)?"?:.*?(?=^\s*\.size|^\.?Lfunc_end|\Z)'
     functions = re.findall(one_function, text, re.MULTILINE | re.DOTALL)

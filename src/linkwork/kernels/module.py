@@ -13,7 +13,8 @@ import casadi as ca
 
 from linkwork.kernels import cache
 from linkwork.kernels.compile import Code, object_code
-from linkwork.kernels.emit import FUNCTIONS, Kind, module_text
+from linkwork.kernels.dense import source_text
+from linkwork.kernels.emit import FUNCTIONS, Kind
 from linkwork.kernels.machine import this_machine
 from linkwork.kernels.program import Program
 from linkwork.patience import announced
@@ -52,8 +53,9 @@ def load(f: ca.Function, program: Callable[[], Program], kind: Kind) -> Module:
     from_cache = content is not None
     if content is None:
         with announced(f"compiling {f.name()}"), uncollected():
-            code = object_code(module_text(program(), machine, kind), machine)
-        content = _OPERATIONS.pack(program().operations) + code
+            own = program()
+            code = object_code(source_text(own, machine, kind), machine)
+        content = _OPERATIONS.pack(own.operations) + code
         cache.write(entry, content)
     (operations,) = _OPERATIONS.unpack_from(content)
     code = Code(content[_OPERATIONS.size :], FUNCTIONS.get(kind, (kind,)))

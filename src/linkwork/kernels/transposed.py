@@ -10,7 +10,8 @@ is not compiled.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from itertools import islice
 
 from linkwork.kernels.lines import Lines
 
@@ -22,23 +23,26 @@ def gather(
 ) -> None:
     """Append the move of dense rows of n numbers to a block; read: those that are needed there, all
     if left out."""
-    read = range(n) if read is None else read
+    for k, column in gathered(lines, rows, n, range(n) if read is None else read):
+        lines.store(column, block, k)
+
+
+def gathered(lines: Lines, rows: str, n: int, read: Collection[int]) -> Iterator[tuple[int, str]]:
+    """Read dense rows of n numbers; yield the vectors of those that are needed, and of others
+    beside them: number and name."""
     if not read:
         return
     if n <= FEW:
         parts = [_load(lines, rows, k * lines.width) for k in range(n)]
         for k in range(n):
-            places = [lane * n + k for lane in range(lines.width)]
-            lines.store(_dealt(lines, parts, places), block, k)
+            yield k, _dealt(lines, parts, [lane * n + k for lane in range(lines.width)])
         return
     parts = max(lines.width // 2, 2)  # lanes of what is read at a time
     for first in range(0, n, lines.width):
         if not any(k in read for k in range(first, first + lines.width)):
             continue
         square = _exchanged(lines, rows, n, first, parts)
-        columns = _transposed(lines, square, parts // 2)
-        for k, column in enumerate(columns[: n - first]):
-            lines.store(column, block, first + k)
+        yield from enumerate(_transposed(lines, square, parts // 2)[: n - first], first)
 
 
 def _exchanged(lines: Lines, rows: str, n: int, first: int, parts: int) -> list[str]:
@@ -75,8 +79,14 @@ def _part(narrow: Lines, rows: str, lane: int, n: int, first: int, lanes: int) -
 
 def scatter(lines: Lines, block: str, n: int, rows: str) -> None:
     """Append the move of a block to dense rows of n numbers."""
+    scattered(lines, (lines.load(block, k) for k in range(n)), n, rows)
+
+
+def scattered(lines: Lines, block: Iterable[str], n: int, rows: str) -> None:
+    """Append the move of n vectors, by their names, to dense rows."""
+    vectors = iter(block)
     if n <= FEW:
-        parts = [lines.load(block, k) for k in range(n)]
+        parts = list(vectors)
         for k in range(n):
             flat = range(k * lines.width, (k + 1) * lines.width)
             places = [place % n * lines.width + place // n for place in flat]
@@ -84,7 +94,7 @@ def scatter(lines: Lines, block: str, n: int, rows: str) -> None:
         return
     for first in range(0, n, lines.width):
         count = min(lines.width, n - first)
-        square = [lines.load(block, first + k) for k in range(count)]
+        square = list(islice(vectors, count))
         square += ["poison"] * (lines.width - count)
         for lane, row in enumerate(_transposed(lines, square, lines.width // 2)):
             _store(lines, row, rows, lane * n + first, count)
