@@ -154,13 +154,20 @@ def weighed(bench, weights, others, count, h, y, k, width, n, out):
 
 
 @njit(**OPTIONS)
+def slope_unclosed(method):
+    """Tell whether the slope at the new state is evaluated for the dense output alone, and then
+    before the loops are closed there."""
+    return method.computed <= method.solution
+
+
+@njit(**OPTIONS)
 def remake(bench, kernels, sizes, method, inputs, t, h, first, last):
     """Evaluate the rows from first to last, of the step from bench.y at t."""
     n, stages, width = sizes.n, method.stages, bench.width
     piece = int(bench.pieces[first - 1]) if first > 0 else int(bench.pieces[0])
     for i in range(first, last):
         x, k = bench.x + i * bench.x_width, bench.k + i * width
-        if i != method.solution:
+        if i != method.solution or slope_unclosed(method):
             own = i * stages
             weighed(
                 bench, method.a + own, bench.others.a + own, i, h, bench.y, bench.k, width, n, x
@@ -174,9 +181,9 @@ def remake(bench, kernels, sizes, method, inputs, t, h, first, last):
 
 
 @njit(**OPTIONS)
-def close(bench, kernels, sizes, z, state):
-    """Close q, the head of a state, as runs do; leave the Newton steps in z, and return how many
-    there are."""
+def close(bench, kernels, sizes, measured, z, state):
+    """Close q, the head of a state, as runs do, which measure the residual of samples; leave the
+    Newton steps in z, and return how many there are."""
     if kernels.closure == 0:
         return 0
     nq, width, z_next = sizes.nq, bench.z_width, bench.z_next
@@ -192,7 +199,7 @@ def close(bench, kernels, sizes, z, state):
             longest = max(longest, abs(z_next[m] - own[m]))
         steps += 1
         copy(z_next, z + steps * width, nq)
-        if RESERVE * longest * longest <= sizes.tolerance:
+        if not measured and RESERVE * longest * longest <= sizes.tolerance:
             break
     copy(z + steps * width, state, nq)
     return steps
@@ -207,7 +214,7 @@ def new_state(bench, kernels, sizes, method, h):
         bench, method.a + own, bench.others.a + own, row, h, bench.y, bench.k, bench.width,
         sizes.n, x,
     )  # fmt: skip
-    return close(bench, kernels, sizes, bench.z, x)
+    return close(bench, kernels, sizes, False, bench.z, x)
 
 
 @njit(**OPTIONS)
@@ -231,7 +238,7 @@ def within(bench, kernels, sizes, method, h, theta):
         bench, bench.weights, bench.other_weights, stages, h, bench.y, bench.k, bench.width,
         sizes.n, bench.sample,
     )  # fmt: skip
-    return close(bench, kernels, sizes, bench.z_sample, bench.sample)
+    return close(bench, kernels, sizes, True, bench.z_sample, bench.sample)
 
 
 @njit(**OPTIONS)

@@ -22,6 +22,7 @@ from linkwork.gradients.native_steps import (
     furnish_bench,
     new_state,
     remake,
+    slope_unclosed,
     weighed,
     within,
 )
@@ -97,7 +98,7 @@ def step_along(bench, kernels, sizes, method, inputs, h, steps, dense, signals, 
     if dense:
         for i in range(solution, stages):
             seed = bench.x + i * bench.x_width + given
-            if i == solution:
+            if i == solution and not slope_unclosed(method):
                 copy(new, seed, n)
             else:
                 combine(method.a + i * stages, i, h, dy, dk, width, n, seed)
@@ -269,12 +270,15 @@ def adjoint(
                     bench, kernels, sizes, inputs, j, bars, b_width, signals, held_out, p_out
                 )
                 for m in range(n):
-                    if j == solution:
-                        own[m] += bars[j * b_width + m]
-                    else:
+                    if j > solution:
                         before[m] += bars[j * b_width + m]
+                    elif not slope_unclosed(method):
+                        own[m] += bars[j * b_width + m]
         # The new state, and the rows that it is made of.
         closed_against(bench, kernels, sizes, bench.z, newton, own, p_out)
+        if dense and slope_unclosed(method):
+            for m in range(n):
+                own[m] += bars[solution * b_width + m]
         copy(own, bars + solution * b_width, n)
         for m in range(n):
             before[m] += own[m]

@@ -16,13 +16,14 @@ from linkwork.gradients.numbers import Numbers
 from linkwork.gradients.retraced import Retraced, retraced
 from linkwork.gradients.run_kernels import Expressions
 from linkwork.gradients.told import FOUND, TOLD
+from linkwork.gradients.work_done import WorkDone, power
 from linkwork.simulation import Run
 from linkwork.simulation.variables import Variable, dataset_of
 
 if TYPE_CHECKING:
     import xarray
 
-NUMBER, EVENT_TIME = "number", "event_time"
+NUMBER, EVENT_TIME, WORK = "number", "event_time", "work"
 
 
 def sensitivity(
@@ -44,6 +45,11 @@ def sensitivity(
             found[name] = Variable(("event", NUMBER), values, {"units": "s"})
             continue
         told = run.variables[name]
+        if name == WORK:
+            values = work_along(of, names, changes)
+            require_finite(name, values)
+            found[name] = Variable((*told.dims, NUMBER), values, told.attrs)
+            continue
         values = np.empty((told.shape[0], len(names), int(np.prod(told.shape[1:]))))
         for own, partials in readings(of, name):
             states = changes.sample_y[own], changes.sample_held[own], changes.sample_t[own]
@@ -66,6 +72,7 @@ def pulled_back(
     given = checks.by_name(weights, "the weights", "{'tool_pose': ...}")
     numbers = Numbers(of)
     names, slopes = numbers.chosen(to), numbers.slopes()
+    totals = np.zeros(len(numbers.names) + len(numbers.samples))
     for name in quantities_of(run, [*given]):
         if name == EVENT_TIME:
             bars = checks.finite(given[name], f"weights of {name}")
@@ -76,11 +83,12 @@ def pulled_back(
         shape, bars = of.record.shape(name), checks.finite(given[name], f"weights of {name}")
         require_shape(name, bars, shape)
         bars = bars.reshape(shape[0], -1)
-        pull_back(of, slopes, name, bars)
-    found = dict(zip(numbers.names, led_back(of, numbers, slopes).tolist(), strict=True))
-    if numbers.samples:
-        own = numbers.by_samples(slopes).ravel().tolist()
-        found |= zip(numbers.samples, own, strict=True)
+        if name == WORK:
+            totals += work_against(of, slopes, bars[:, 0])
+        else:
+            pull_back(of, slopes, name, bars)
+    totals += gathered(of, numbers, slopes)
+    found = dict(zip((*numbers.names, *numbers.samples), totals.tolist(), strict=True))
     return {name: found[name] for name in names}
 
 
@@ -128,6 +136,40 @@ def pull(
         slopes.add(own, *of.pulled(name, expression, own, bars[own]).against(slopes))
 
 
+def gathered(of: Retraced, numbers: Numbers, slopes: LossSlopes) -> np.ndarray:
+    """Lead derivatives of a loss back to the start; return those with respect to all numbers, then
+    to the values of sampled forces."""
+    found = led_back(of, numbers, slopes)
+    return np.append(found, numbers.by_samples(slopes)) if numbers.samples else found
+
+
+def work_along(of: Retraced, names: tuple[str, ...], changes: Changes) -> np.ndarray:
+    """Return the changes (S, D) of the work; changes: led along the run."""
+    done = WorkDone(of)
+    done.require_no_jumps()
+    inner = Numbers(done.at_nodes).changes(names)
+    for link in done.at_nodes.links:
+        link.along(inner)
+    powers = np.empty((len(done.at_nodes.samples.t), len(names)))
+    for own, partials in partials_of(done.at_nodes, "power", power):
+        states = inner.sample_y[own], inner.sample_held[own], inner.sample_t[own]
+        powers[own] = partials.along(inner, *states)[:, :, 0]
+    at_end = done.at_end[:, None] * changes.sample_t[: len(done.at_end)]
+    return done.weights.along(powers[:-1]) + at_end
+
+
+def work_against(of: Retraced, slopes: LossSlopes, bars: np.ndarray) -> np.ndarray:
+    """Return the derivatives of a sum of bars (S,) times the work by all numbers, but for what the
+    time of its end adds to the slopes."""
+    done = WorkDone(of)
+    done.require_no_jumps()
+    inner = Numbers(done.at_nodes)
+    own = inner.slopes()
+    pull(done.at_nodes, own, "power", power, np.append(done.weights.against(bars), 0.0)[:, None])
+    slopes.sample_t[: len(bars)] += done.at_end * bars
+    return gathered(done.at_nodes, inner, own)
+
+
 def led_back(of: Retraced, numbers: Numbers, slopes: LossSlopes) -> np.ndarray:
     """Lead derivatives of a loss back to the start; return those with respect to all numbers."""
     for link in reversed(of.links):
@@ -141,15 +183,21 @@ def readings(of: Retraced, name: str) -> Iterator[tuple[slice, Partials]]:
     """Yield which samples are in the same segment, and the Jacobians of a quantity at them; of
     events not."""
     found = None if name in TOLD else of.robot.once(FOUND[name])
-    for own in in_segments(of):
-        states = of.samples.of(own)
-        chart = of.segments[states.segment[0]].chart
-        partials = of.partials(chart, name, TOLD[name] if found is None else found, states)
+    for own, partials in partials_of(of, name, TOLD[name] if found is None else found):
         if found is not None:
             slope = found.slope(of.values(name, found, own))[:, None]
             y, r, p = (slope @ part for part in (partials.y, partials.r, partials.p))
             partials = Partials(y, r, p, partials.inputs)
         yield own, partials
+
+
+def partials_of(
+    of: Retraced, name: str, expression: Expressions
+) -> Iterator[tuple[slice, Partials]]:
+    """Yield which samples are in the same segment, and the Jacobians of an expression at them."""
+    for own in in_segments(of):
+        states = of.samples.of(own)
+        yield own, of.partials(of.segments[states.segment[0]].chart, name, expression, states)
 
 
 def in_segments(of: Retraced) -> list[slice]:
@@ -170,7 +218,7 @@ def quantities_of(run: Run, quantities: Sequence[str] | str | None) -> tuple[str
     if all(name in TOLD and name in variables for name in asked):  # those that are asked for alone
         return asked
     happened = EVENT_TIME in run.coords and len(run.coords[EVENT_TIME].values)
-    told = (name for name in (*TOLD, *FOUND) if name in variables)
+    told = (name for name in (*TOLD, *FOUND, WORK) if name in variables)
     known = (*told, *(EVENT_TIME,) * bool(happened))
     for name in asked:
         if name in variables and name not in known:

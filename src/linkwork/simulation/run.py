@@ -305,7 +305,7 @@ class Run(Portrayed):
 
         Args:
             quantities: by name, such as "tool_pose"; all that can be differentiated if left out;
-                "event_time", when events happened; "conditioning" where it is named.
+                "event_time", when events happened; "work" and "conditioning" where they are named.
             to: names of numbers, "rates.slide_1", or of groups of them: "positions", "rates",
                 "states", "forces", "parameters"; all if left out. They are those of
                 `linkwork.Robot.gradient`. Where the forces are `linkwork.Sampled`, "samples", or
