@@ -421,7 +421,7 @@ REFUSED = {
         "<joint name='j'/><joint name='j'/>"
     ): "<joint 'j'>: has the name of another joint; names are given once",
     "<joint damping='-1'/>": "<joint>: viscous: ",
-    "<joint range='2 1'/>": "the lower limit",
+    "<joint limited='true' range='2 1'/>": "the lower limit",
     "<joint class='none'/>": "<joint>: there is no default class 'none'",
     "<joint/><freejoint/>": (
         "a free joint is the only joint of a body that stands directly in the world"
