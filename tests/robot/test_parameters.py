@@ -329,6 +329,13 @@ def test_the_refusal_of_what_is_no_number_names_the_quantities():
         lw.Robot(mechanism).free("rood")
 
 
+def test_a_name_that_holds_the_letters_of_patterns_is_a_name():
+    bodies = {name: lw.Body(mass=1.0) for name in ("link[0]", "link0")}
+    joints = {f"to {body}": lw.PrismaticJoint(connects=("ground", body)) for body in bodies}
+    robot = lw.Robot(lw.Mechanism(bodies=bodies, joints=joints, gravity=(0, 0, 0)))
+    assert [*robot.free("link[0].mass").parameters] == ["link[0].mass"]
+
+
 def test_patterns_free_all_numbers_that_they_match():
     """As the same paths do one by one; those that are free already stay where they are."""
     robot = lw.Robot("prr3").free("platform.mass")

@@ -64,6 +64,8 @@ def matching(mechanism: Mechanism, pattern: str) -> list[str]:
     for path in (".".join(where) for where in numbers(mechanism)):
         short = path.split(".", 1)[1] if path.split(".", 1)[0] in SECTIONS else path
         spelled = {path, short, *(name.replace(LONG, COM) for name in (path, short))}
+        if pattern in spelled:  # no pattern: the name of an element holds such letters
+            return [pattern]
         matches = any(fnmatchcase(name, pattern) for name in spelled)
         if matches and can_be_free(mechanism, [path]):
             found.append(short if unique(mechanism, short) else path)
