@@ -40,9 +40,10 @@ WINGS = {
     "large mechanisms": (
         *("articulated", "uncharted", "bound", "unit_directions", "unit_rows", "partitioned"),
         *("abreast", "called", "fixed_results", "partitioned_slopes", "repeats", "tabled"),
+        *("interpreter", "tape"),
     ),
     # How code becomes quick, and is kept.
-    "fewer operations": ("simplify", "regrouping", "turned_inertia"),
+    "fewer operations": ("fused", "regrouping", "simplify", "turned_inertia"),
     "sines and cosines": ("angles", "elementary"),
     "stacks of states": ("dense", "stacks", "stored_states", "transposed"),
     "compiled by Numba": ("compiled", "pointers", "structures"),

@@ -10,6 +10,7 @@ import pytest
 import linkwork as lw
 from linkwork.control import Event, Lag, Sampler, Wrench
 from linkwork.equations.chart_choice import relative_pivots
+from linkwork.kernels import PAYS, kernel
 from linkwork.kernels.program import Program
 from linkwork.model import charts
 from linkwork.model.tabled import tabled, varying
@@ -424,3 +425,38 @@ def test_ways_over_singular_poses_by_tables_are_those_of_compiled_charts(monkeyp
         assert others and any(chart._kernels for chart in others) == (large > 0)
         found.append(run["joint_position"].values)
     np.testing.assert_allclose(*found, atol=1e-7)
+
+
+def test_runs_that_are_interpreted_at_first_are_those_of_compiled_kernels(monkeypatch, tmp_path):
+    """Bit for bit: in charts told by tables, too, and when code takes over on the way."""
+    monkeypatch.setattr(charts, "LARGE", 0)
+    mechanism = lw.robots.rrr3()
+
+    def run(robot: lw.Robot) -> np.ndarray:
+        start = robot.home.with_rates([4.0, -3.0, 2.0])
+        found = robot.simulate(start, duration=1.0, rtol=1e-10, atol=1e-12)
+        assert found.success and len(robot.run_charts) > 1
+        return found.variables["joint_position"].values
+
+    compiled = run(lw.Robot(mechanism))
+    monkeypatch.setattr(kernel, "LONG", 0)
+    monkeypatch.setenv("LINKWORK_CACHE_DIR", str(tmp_path))
+    robot = lw.Robot(mechanism)
+    np.testing.assert_array_equal(run(robot), compiled)
+    motion, forces = robot.kernel("motion"), robot.chart._kernels["uncharted motion"]
+    for told in (motion, forces):
+        assert told._tapes and not told._modules
+        told._tapes[0]._table[0] = PAYS - 20
+    np.testing.assert_array_equal(run(robot), compiled)
+    assert motion._modules and forces._modules
+
+
+def test_steppers_have_code_from_the_first_step_on(monkeypatch, tmp_path):
+    monkeypatch.setattr(charts, "LARGE", 0)
+    monkeypatch.setattr(kernel, "LONG", 0)
+    monkeypatch.setenv("LINKWORK_CACHE_DIR", str(tmp_path))
+    robot = lw.Robot(lw.robots.five_bar())
+    stepper = robot.stepper(robot.home, 1e-3)
+    assert not robot.run_chart.kernel("motion")._tapes[0].evaluations
+    stepper.step()
+    assert robot.run_chart.kernel("motion")._modules

@@ -27,9 +27,11 @@ def in_place(
     that an angle is too large: all angles, their sines and their cosines.
     """
     near = [elementary.sine_and_cosine(lines, angle, machine.has_fma) for angle in angles]
+    product_plus = elementary.product_plus(machine.has_fma)
     total = reduce(
-        lambda total, square: lines.op("fadd", total, square),
-        [lines.op("fmul", x, x) for x in angles],
+        lambda total, x: product_plus(lines, x, x, total),
+        angles[1:],
+        lines.op("fmul", angles[0], angles[0]),
     )
     start, mark, n = lines.block, len(lines.text), len(angles)
     lines.do(
@@ -69,7 +71,8 @@ def sines_and_cosines_text(machine: Machine) -> str:
     lines.do("%k = phi i64 [ 0, %entry ], [ %k.next, %near ]")
     lines.do(f"%total = phi {lines.number} [ zeroinitializer, %entry ], [ %total.next, %near ]")
     angle = lines.load("%angles", "%k")
-    lines.do(f"%total.next = fadd contract {lines.number} %total, {lines.op('fmul', angle, angle)}")
+    square = lines.op("fmul", angle, angle)
+    lines.do(f"%total.next = fadd {lines.number} %total, {square}")
     sine, cosine = elementary.sine_and_cosine(lines, angle, machine.has_fma)
     lines.store(sine, "%sines", "%k")
     lines.store(cosine, "%cosines", "%k")
@@ -81,7 +84,7 @@ def sines_and_cosines_text(machine: Machine) -> str:
     lines.do(
         f"br i1 {_too_large(lines, '%total.next', machine)}, label %far, label %done, {UNLIKELY}"
     )
-    _again(lines.of_width(1), _bound(machine))
+    _again(lines.of_width(1), largest(machine))
     lines.label("done")
     lines.do("ret void")
     pointers = ", ".join(
@@ -111,10 +114,11 @@ def _again(lines: Lines, bound: float) -> None:
 def _too_large(lines: Lines, total: str, machine: Machine) -> str:
     """Append the test whether an angle may be beyond the bound, from the sums of squares of all
     lanes."""
-    beyond = lines.compare("ugt", total, lines.constant(_bound(machine) ** 2))
+    beyond = lines.compare("ugt", total, lines.constant(largest(machine) ** 2))
     mask = lines.let(f"bitcast {lines.truth} {beyond} to i{lines.width}")
     return lines.let(f"icmp ne i{lines.width} {mask}, 0")
 
 
-def _bound(machine: Machine) -> float:
+def largest(machine: Machine) -> float:
+    """Return the angle from which on the C library computes."""
     return elementary.LARGEST_ANGLE if machine.has_fma else elementary.LARGEST_ANGLE_WITHOUT_FMA

@@ -25,6 +25,8 @@ _INTRINSICS = {
     "fmin": "minnum",
     "fmax": "maxnum",
 }
+# Which operands of a product and a sum that are rounded together count negative.
+_SIGNS = {"fma": (False, False, False), "fms": (False, False, True), "fnma": (True, False, False)}
 _COMPARISONS = {"lt": "olt", "le": "ole", "eq": "oeq", "ne": "une"}
 _LOGICAL = {"and": "and", "or": "or"}
 
@@ -127,7 +129,10 @@ class SectionBody:
         if op in _ARITHMETIC:
             return lines.op(_ARITHMETIC[op], *map(self.number, args))
         if op == "neg":
-            return lines.let(f"fneg {lines.number} {self.number(args[0])}")
+            return lines.negative(self.number(args[0]))
+        if op in _SIGNS:
+            signed = zip(map(self.number, args), _SIGNS[op], strict=True)
+            return lines.call("fma", *(lines.negative(x) if minus else x for x, minus in signed))
         if op in _INTRINSICS:
             return lines.call(_INTRINSICS[op], *map(self.number, args))
         if op == "if_else_zero":

@@ -42,6 +42,16 @@ class BoundFunction:
         weakref.finalize(self, _slots.leave, address)
         return address
 
+    @property
+    def early_address(self) -> int:
+        """The same, as of a kernel."""
+        return self.address
+
+    def become(self, f: int) -> None:
+        """Have another function called from now on, whoever holds the address."""
+        self._f = f
+        _slots.lead(self.address, f)
+
     def flat(self, *parts: np.ndarray) -> np.ndarray:
         """Return the outputs (n_out,) of an input that is given in parts, one after the other."""
         x, y = np.concatenate(parts), np.empty(self.n_out)
@@ -74,6 +84,10 @@ class _Slots:
             address = self._free.pop()
             (ctypes.c_int64 * 2).from_address(self._places[address])[:] = [f, table]
             return address
+
+    def lead(self, address: int, f: int) -> None:
+        """Have a function call f from now on."""
+        ctypes.c_int64.from_address(self._places[address]).value = f
 
     def leave(self, address: int) -> None:
         """Take a function back that nobody calls any more."""

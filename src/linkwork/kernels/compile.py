@@ -10,8 +10,8 @@ import llvmlite.binding as llvm
 from linkwork.kernels.emit import LIBRARY
 from linkwork.kernels.machine import Machine
 
-# Functions that LLVM itself may call where the machine has no such instruction.
-_ROUNDING = ("floor", "ceil")
+# Functions that LLVM itself may call where the machine has no such instruction, and of memory.
+_BESIDE = ("floor", "ceil", "malloc", "free", "memcpy")
 
 
 def object_code(text: str, machine: Machine) -> bytes:
@@ -70,6 +70,6 @@ def _library_addresses() -> dict[str, int]:
         library = ctypes.CDLL(ctypes.util.find_library("m"))
     addresses = {
         name: ctypes.cast(getattr(library, name), ctypes.c_void_p).value
-        for name in (*LIBRARY, *_ROUNDING)
+        for name in (*LIBRARY, *_BESIDE)
     }
     return {name: address for name, address in addresses.items() if address}

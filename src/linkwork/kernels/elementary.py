@@ -66,19 +66,17 @@ def sine_and_cosine(lines: Lines, x: str, has_fma: bool) -> tuple[str, str]:
     Right for |x| <= LARGEST_ANGLE (LARGEST_ANGLE_WITHOUT_FMA where the machine has no fused
     multiply-add); NaN for inf and NaN; sin(-0) is 0.
     """
-    product_plus = _fused if has_fma else _separate
-    shifted = product_plus(lines, x, lines.constant(TWO_OVER_PI), lines.constant(ROUND))
+    plus = product_plus(has_fma)
+    shifted = plus(lines, x, lines.constant(TWO_OVER_PI), lines.constant(ROUND))
     multiple = lines.op("fsub", shifted, lines.constant(ROUND))
     rest = x
     for part in HALF_PI if has_fma else HALF_PI_SHORT:
-        rest = product_plus(lines, multiple, lines.constant(-part), rest)
+        rest = plus(lines, multiple, lines.constant(-part), rest)
 
     square = lines.op("fmul", rest, rest)
     cube = lines.op("fmul", square, rest)
-    sine = product_plus(lines, cube, _polynomial(lines, square, SINE, product_plus), rest)
-    cosine = product_plus(
-        lines, square, _polynomial(lines, square, COSINE, product_plus), lines.constant(1.0)
-    )
+    sine = plus(lines, cube, _polynomial(lines, square, SINE, plus), rest)
+    cosine = plus(lines, square, _polynomial(lines, square, COSINE, plus), lines.constant(1.0))
 
     quadrant = lines.as_integer(shifted)
     odd = lines.bits("shl", quadrant, lines.whole(63))
@@ -90,15 +88,18 @@ def sine_and_cosine(lines: Lines, x: str, has_fma: bool) -> tuple[str, str]:
     )
 
 
-def _polynomial(
-    lines: Lines, z: str, coefficients: tuple[float, ...], product_plus: _ProductPlus
-) -> str:
+def _polynomial(lines: Lines, z: str, coefficients: tuple[float, ...], plus: _ProductPlus) -> str:
     """Append the polynomial c_0 + c_1 z + c_2 z^2 + ... by Horner's rule."""
     *lower, highest = map(lines.constant, coefficients)
     value = highest
     for coefficient in reversed(lower):
-        value = product_plus(lines, z, value, coefficient)
+        value = plus(lines, z, value, coefficient)
     return value
+
+
+def product_plus(has_fma: bool) -> _ProductPlus:
+    """Return what appends a b + c, rounded once where the machine does so."""
+    return _fused if has_fma else _separate
 
 
 def _fused(lines: Lines, a: str, b: str, c: str) -> str:

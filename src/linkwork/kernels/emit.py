@@ -25,6 +25,7 @@ from typing import Literal
 from linkwork.kernels import angles, called
 from linkwork.kernels.body import LIBRARY, SectionBody
 from linkwork.kernels.fixed_results import fixed_text
+from linkwork.kernels.fused import fused
 from linkwork.kernels.lines import INOUT, ConstantTable, Lines, function_text
 from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import Program
@@ -131,6 +132,7 @@ def evaluation(
     abreast: the vectors that lie side by side in %in and %out, of which the first is meant; shared:
     inputs that are single numbers for all lanes.
     """
+    program = fused(program, machine)
     plan = planned(program, machine.lanes // lines.width, not shared)
     if plan.slots or plan.apart:
         slots = max(plan.slots, 1)

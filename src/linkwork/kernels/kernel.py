@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from linkwork.kernels.emit import ABREAST, Kind
+from linkwork.kernels.interpreter import LONG, PAYS, Interpreted, found_or_told
 from linkwork.kernels.listing import instruction_count, listing
 from linkwork.kernels.machine import this_machine
 from linkwork.kernels.module import Module, load
@@ -26,7 +27,11 @@ FEWEST = 2000  # states that are worth a thread
 _DOUBLE = np.dtype(np.float64)
 
 
-def compile_function(f: ca.Function, rows: Callable[[], ca.Function] | None = None) -> "Kernel":
+def compile_function(
+    f: ca.Function,
+    rows: Callable[[], ca.Function] | None = None,
+    patient: Callable[[], bool] | None = None,
+) -> "Kernel":
     """Return the kernel of a CasADi function of SX: machine code, compiled or taken from the cache
     when it is first needed.
 
@@ -37,12 +42,13 @@ def compile_function(f: ca.Function, rows: Callable[[], ca.Function] | None = No
     the others.
 
     f: the function; it has no free variables. rows: gives the gradient of weights times the value
-    that f is the Jacobian of, if code for one state is to be made of that (`unit_rows`).
+    that f is the Jacobian of, if code for one state is to be made of that (`unit_rows`). patient:
+    tells, if f is LONG, whether one state may be interpreted until code is worth compiling.
     Returns the kernel.  Raises KernelError naming what cannot be compiled.
     The kernel warns once where the cache's folder cannot be written, and where an entry of the
     cache is damaged; it is right all the same.
     """
-    return Kernel(f, rows)
+    return Kernel(f, rows, patient)
 
 
 class Kernel:
@@ -56,6 +62,8 @@ class Kernel:
     lanes: states in one vector register
     abreast: vector registers of states that the code for a loop evaluates together
     address: of void(const double* in, double* out), which evaluates one state
+    early_address: of the same, to the same bits, where the kernel is patient: an interpreter until
+        there is code (`settle`)
     batch_address: of void(int64_t blocks, const double* in, double* out), which evaluates blocks of
         `lanes` states, laid out `in[block][n_in][lanes]` and `out[block][n_out][lanes]` and aligned
         to 64 bytes
@@ -75,7 +83,12 @@ class Kernel:
     threads at a time; they are valid as long as the kernel lives.
     """
 
-    def __init__(self, f: ca.Function, rows: Callable[[], ca.Function] | None = None):
+    def __init__(
+        self,
+        f: ca.Function,
+        rows: Callable[[], ca.Function] | None = None,
+        patient: Callable[[], bool] | None = None,
+    ):
         self.inputs, self.outputs = signature(f)
         self._function, self._by_rows = f, rows
         self.name: str = f.name()
@@ -84,6 +97,9 @@ class Kernel:
         self.lanes = this_machine().lanes
         self.abreast = ABREAST
         self._modules: dict[Kind, Module] = {}
+        self._tapes: list[Interpreted] = []
+        long = rows is None and f.n_instructions() >= LONG
+        self._patient = patient if long and patient else lambda: False
         self._lock = threading.Lock()
         self._buffers = _Buffers(self.inputs, self.outputs, self.lanes)
         self._shapes = tuple((size,) for _, size in self.inputs)
@@ -113,6 +129,19 @@ class Kernel:
     def address(self) -> int:
         (address,) = self._module("one").addresses.values()
         return address
+
+    @property
+    def early_address(self) -> int:
+        if not (self._tapes or "one" in self._modules) and self._patient():
+            with self._lock:
+                if not (self._tapes or "one" in self._modules):
+                    given = self._function, lambda: self._program, self.n_in, self.n_out
+                    found = found_or_told(*given)
+                    if isinstance(found, Module):
+                        self._modules["one"] = found
+                    else:
+                        self._tapes.append(found)
+        return self._tapes[0].address if self._tapes else self.address
 
     @cached_property
     def batch_address(self) -> int:
@@ -205,17 +234,25 @@ class Kernel:
 
     @cached_property
     def _one(self) -> Callable[..., None]:
-        return _ONE(self.address)
+        return _ONE(self.early_address)
 
     @cached_property
     def _stored(self) -> Callable[..., None]:
         return _ROWS(self.rows_address)
+
+    def settle(self, evaluations: int = PAYS) -> None:
+        """Compile what was interpreted, if it was evaluated so often; whoever has its
+        `early_address` calls the code from then on."""
+        if self._tapes and self._tapes[0].evaluations >= evaluations:
+            self._module("one")
 
     def _module(self, kind: Kind) -> Module:
         """Return the code of one kind; the first to ask waits for it."""
         with self._lock:
             if kind not in self._modules:
                 self._modules[kind] = load(*self._source(kind))
+                if kind == "one" and self._tapes:
+                    self._tapes[0].become(self._modules[kind].addresses[kind])
             return self._modules[kind]
 
     def _source(self, kind: Kind) -> tuple[ca.Function, Callable[[], Program], Kind]:

@@ -150,11 +150,14 @@ class Lines:
         """Call an LLVM intrinsic on numbers."""
         suffix = "f64" if self.width == 1 else f"v{self.width}f64"
         operands = ", ".join(f"{self.number} {a}" for a in args)
-        return self.let(f"call contract {self.number} @llvm.{intrinsic}.{suffix}({operands})")
+        return self.let(f"call {self.number} @llvm.{intrinsic}.{suffix}({operands})")
 
     def op(self, name: str, a: str, b: str) -> str:
         """Append a floating-point instruction of two numbers: fadd, fsub, fmul, fdiv."""
-        return self.let(f"{name} contract {self.number} {a}, {b}")
+        return self.let(f"{name} {self.number} {a}, {b}")
+
+    def negative(self, x: str) -> str:
+        return self.let(f"fneg {self.number} {x}")
 
     def bits(self, name: str, a: str, b: str) -> str:
         """Append an integer instruction of two values: and, xor, shl."""

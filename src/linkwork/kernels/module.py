@@ -7,7 +7,7 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
@@ -47,19 +47,29 @@ def load(f: ca.Function, program: Callable[[], Program], kind: Kind) -> Module:
     program: makes the function's program, which is needed where the code is not in the cache.
     """
     start = time.perf_counter()
-    machine = this_machine()
-    entry = cache.key(f.serialize(), machine.identity, kind)
+    entry = entry_of(f.serialize(), kind)
     content = cache.read(entry)
-    from_cache = content is not None
-    if content is None:
-        with announced(f"compiling {f.name()}"), uncollected():
-            own = program()
-            code = object_code(source_text(own, machine, kind), machine)
-        content = _OPERATIONS.pack(own.operations) + code
-        cache.write(entry, content)
+    if content is not None:
+        return loaded(content, kind, start)
+    machine = this_machine()
+    with announced(f"compiling {f.name()}"), uncollected():
+        own = program()
+        code = object_code(source_text(own, machine, kind), machine)
+    content = _OPERATIONS.pack(own.operations) + code
+    cache.write(entry, content)
+    return replace(loaded(content, kind, start), from_cache=False)
+
+
+def entry_of(told: str, kind: str) -> str:
+    """Return the name of a function's entry in the cache; told: as CasADi writes it."""
+    return cache.key(told, this_machine().identity, kind)
+
+
+def loaded(content: bytes, kind: Kind, start: float) -> Module:
+    """Return the code of an entry."""
     (operations,) = _OPERATIONS.unpack_from(content)
     code = Code(content[_OPERATIONS.size :], FUNCTIONS.get(kind, (kind,)))
-    return Module(code, operations, from_cache, time.perf_counter() - start)
+    return Module(code, operations, True, time.perf_counter() - start)
 
 
 @contextmanager

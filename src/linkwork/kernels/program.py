@@ -109,12 +109,11 @@ def signature(f: ca.Function) -> tuple[tuple[tuple[str, int], ...], tuple[tuple[
         raise KernelError(
             f"Function '{f.name()}' has free variables ({free}); every symbol has to be an input."
         )
-    for k in range(f.n_instructions()):
-        if f.instruction_id(k) not in _KNOWN:
-            name = _name_of(f.instruction_id(k))
-            raise KernelError(
-                f"Function '{f.name()}' uses the operation {name}, which cannot be compiled."
-            )
+    unknown = {f.instruction_id(k) for k in range(f.n_instructions())} - _KNOWN
+    for code in sorted(unknown):
+        raise KernelError(
+            f"Function '{f.name()}' uses the operation {_name_of(code)}, which cannot be compiled."
+        )
     return (
         tuple((f.name_in(i), f.numel_in(i)) for i in range(f.n_in())),
         tuple((f.name_out(i), f.numel_out(i)) for i in range(f.n_out())),

@@ -28,7 +28,7 @@ from linkwork.equations.chart import Chart, faced
 from linkwork.equations.chart_choice import DETERMINED, relative_pivots, strengths
 from linkwork.equations.uncharted import uncharted
 from linkwork.errors import LinkworkError
-from linkwork.kernels import Kernel, compile_function
+from linkwork.kernels import PAYS, Kernel, compile_function
 from linkwork.kernels.bound import BoundFunction
 from linkwork.mechanism.bearing import bearings
 from linkwork.model.derivations import kept
@@ -76,6 +76,7 @@ class CompiledChart:
     _free_kernels: dict[str, Kernel] = field(default_factory=dict, repr=False)
     home: CompiledChart | None = field(default=None, repr=False)
     _counted: list[int] = field(default_factory=lambda: [0], repr=False)
+    _of: CompiledChart | None = field(default=None, repr=False)
 
     def with_parameters(self, p: np.ndarray) -> CompiledChart:
         """Return the chart with other values of the free parameters; both share their kernels."""
@@ -103,7 +104,9 @@ class CompiledChart:
         with BUILDING:
             if key not in self._kernels:
                 made = make(self.equations)
-                self._kernels[key] = made if isinstance(made, Kernel) else compile_function(made)
+                if not isinstance(made, Kernel):
+                    made = compile_function(made, patient=lambda: (self._of or self.shared).large)
+                self._kernels[key] = made
             return self._kernels[key]
 
     def single(self, name: str) -> Kernel | BoundFunction:
@@ -127,8 +130,16 @@ class CompiledChart:
         return self.home is not None and self.home.large and self._counted[0] + states <= OWN
 
     def count(self, evaluations: int) -> None:
-        """Count how often the chart was evaluated."""
+        """Count how often the chart was evaluated, and compile what pays now."""
         self._counted[0] += evaluations
+        self.settle()
+
+    def settle(self, evaluations: int = PAYS) -> None:
+        """Compile what an interpreter has evaluated so often in place of code."""
+        home = self.shared
+        for kernels in (self._kernels, home._kernels, home._free_kernels):
+            for kernel in kernels.values():
+                kernel.settle(evaluations)
 
     @cached_property
     def by_table(self) -> Callable[..., BoundFunction]:
@@ -158,7 +169,7 @@ class CompiledChart:
         and what they tell of accelerations is not constrained."""
         if self.home is not None:
             return self.home.free
-        return CompiledChart(uncharted(self.equations), self.p, self._free_kernels)
+        return CompiledChart(uncharted(self.equations), self.p, self._free_kernels, _of=self)
 
     def in_tree(
         self, q: np.ndarray, v: np.ndarray, p: np.ndarray, v_dot: np.ndarray | None = None

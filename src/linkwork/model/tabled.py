@@ -49,7 +49,7 @@ def tabled(
         kernels.append(acting)
     elif name in BESIDE:
         kernels.append(compiled(f"uncharted {name}", BESIDE[name]))
-    found = [kernel.wide_address if wide else kernel.address for kernel in kernels]
+    found = [kernel.wide_address if wide else kernel.early_address for kernel in kernels]
     table = table_of(equations, acting, found)
     told = sizes(equations, acting)
     nq, nv, n, _, _, inputs, parameters, _, states, own = told

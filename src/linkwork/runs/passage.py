@@ -319,7 +319,7 @@ class Passage:
         )
         return Problem(
             system.motion(chart),
-            chart.single("closure_step").address if robot.equations.constrained else 0,
+            chart.single("closure_step").early_address if robot.equations.constrained else 0,
             self.with_jacobian.jacobian(chart) if method.stiff else 0,
             p,
             inputs,

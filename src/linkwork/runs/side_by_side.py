@@ -255,7 +255,7 @@ def occasion(batch: Members, chart: CompiledChart, states: int) -> Occasion | No
     system, events = batch.system, batch.system.conditions(chart)
     if events is None:
         return None
-    closure = chart.single("closure_step").address if chart.equations.constrained else 0
+    closure = chart.single("closure_step").early_address if chart.equations.constrained else 0
     wide = system.side_by_side(chart, "events", states)
     return Occasion(system.motion(chart), closure, wide, events)
 

@@ -158,7 +158,7 @@ class System:
 
     def motion(self, chart: CompiledChart) -> int:
         """Return the address of void(const double *in, double *out): y' and the pivot."""
-        return self.single(chart, "motion").address
+        return self.single(chart, "motion").early_address
 
     def slopes(self, chart: CompiledChart) -> BoundFunction:
         """Return df/dy and df/dr by a table, from derivatives that all charts share."""
@@ -180,10 +180,13 @@ class System:
         """
         if self.acting is None or self.sampler is None:
             return None
-        function = self.single(chart, "held") if self.sampler.compiled else self._callback(chart)
+        if self.sampler.compiled:
+            address = self.single(chart, "held").early_address
+        else:
+            address = self._callback(chart).address
         if before is not None:
-            return replace(before, address=function.address)
-        return Control(function.address, self.sampler.period, np.zeros(self.acting.held))
+            return replace(before, address=address)
+        return Control(address, self.sampler.period, np.zeros(self.acting.held))
 
     def conditions(self, chart: CompiledChart, watching: bool = True) -> Events | None:
         """Return the events in a chart, if there are any; watching: whether those count at which no
@@ -194,7 +197,7 @@ class System:
             Condition(event.terminal and watching, event.direction, event.cuts)
             for event in self.events
         )
-        return Events(self.single(chart, "events").address, conditions)
+        return Events(self.single(chart, "events").early_address, conditions)
 
     def watch(self, chart: CompiledChart, span: tuple[float, float]) -> Watch | None:
         """Return what no step may pass over within a span [s] beside the inputs, if there is

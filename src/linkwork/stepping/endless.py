@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from linkwork.model.charts import CompiledChart
 from linkwork.runs.passage import Passage
+from linkwork.simulation import Method, Signal
 from linkwork.simulation.events import Watch
+from linkwork.simulation.integration import Problem
 
 
 @dataclass
@@ -25,3 +28,9 @@ class Endless(Passage):
     def shortest(self) -> float:
         """Duration of the shortest segments."""
         return self.settings.duration
+
+    def problem(self, chart: CompiledChart, method: Method, inputs: Signal) -> Problem:
+        """Return what is stepped in a chart, compiled before the first step: all take as long."""
+        made = super().problem(chart, method, inputs)
+        chart.settle(0)
+        return made
