@@ -7,6 +7,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.equations import charts_at
+from linkwork.model import chart_margins
 from linkwork.model.known_charts import KnownCharts
 from linkwork.runs.next_chart import choice
 
@@ -49,6 +50,23 @@ def test_known_charts_are_those_chosen_anew(name):
             one, single = known.at(each[None])
             assert by_place(single, 1) == [chart]
             assert one[0] == robot.equations.regular(each)
+
+
+def test_choices_wait_for_no_compiling(monkeypatch):
+    """Charts are chosen anew until so many were chosen that compiled decisions pay."""
+    robot, compiled = built("prr3"), []
+    made = chart_margins.compiled
+    monkeypatch.setattr(chart_margins, "were_compiled", lambda: False)
+    monkeypatch.setattr(chart_margins, "compiled", lambda: compiled.append(1) or made())
+    monkeypatch.setattr("linkwork.model.known_charts.PAYS", 100)
+    early, known = KnownCharts(robot.equations, []), KnownCharts(robot.equations, [])
+    known._decide = made()
+    Phi = jacobians(robot, 40, 0.3, 7)
+    for count in range(4):
+        (regular, found), (others, expected) = early.at(Phi), known.at(Phi)
+        assert (regular == others).all()
+        assert by_place(found, len(Phi)) == by_place(expected, len(Phi))
+        assert bool(compiled) == (count > 1)
 
 
 def test_what_rounding_may_turn_is_chosen_anew(monkeypatch):

@@ -15,6 +15,7 @@ from itertools import accumulate
 from linkwork.kernels import transposed
 from linkwork.kernels.body import SectionBody
 from linkwork.kernels.emit import Kind, evaluation, library_texts, module_text, turn
+from linkwork.kernels.fused import fused
 from linkwork.kernels.lines import ConstantTable, Lines, function_text
 from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import Program
@@ -109,6 +110,7 @@ def _evaluated(
 ) -> tuple[list[str], list[str]]:
     """Append the evaluation of a program; return the definitions that this needs besides, and the
     names of the results. Sections that are functions read and write blocks in memory."""
+    program = fused(program, machine)
     plan = planned(program, 1)
     if plan.apart:
         for name, count in (("in", program.n_in), ("out", program.n_out)):

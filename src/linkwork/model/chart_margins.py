@@ -10,6 +10,8 @@ here; who asks chooses by `charts_at` then, so that the answer is the same with 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from numba import njit, types
@@ -18,7 +20,7 @@ from linkwork.equations.chart import WEAK_PIVOT, Asked, Block, StageBegun, Teste
 from linkwork.equations.chart_choice import FALL, LEAST, NOISE, WELL
 from linkwork.equations.equations import DOUBTFUL
 from linkwork.equations.independence import FAINT, TIED
-from linkwork.simulation.compiled import OPTIONS, compiled_once
+from linkwork.simulation.compiled import OPTIONS, compiled_once, is_kept
 
 MARGIN = 1e-11  # of a comparison that rounding cannot turn; below 1 - TIED
 ROUNDED = 1e-12  # of a determinant, over the usual size of its rows and columns
@@ -42,6 +44,12 @@ def steps_of(asked: Asked) -> list[list[int]]:
         case None:
             lines = []
     return [line + [0] * (8 - len(line)) for line in lines]
+
+
+SIGNATURE = types.void(
+    *(_STACK, _STACK, types.float64, _INTEGERS),
+    *(_TABLE, _TABLE, _TABLE, _INTEGERS, _NUMBERS, _INTEGERS, _TABLE),
+)
 
 
 @njit(**OPTIONS)
@@ -267,13 +275,17 @@ def eliminate(A, pivot_row, column, in_rows, in_columns):
                     A[r, k] -= factor * A[pivot_row, k]
 
 
-@compiled_once(
-    "the choice of charts",
-    types.void(
-        *(_STACK, _STACK, types.float64, _INTEGERS),
-        *(_TABLE, _TABLE, _TABLE, _INTEGERS, _NUMBERS, _INTEGERS, _TABLE),
-    ),
-)
+def were_compiled() -> bool:
+    """Tell whether `decide` was compiled on this machine before."""
+    return is_kept(decide)
+
+
+@cache
+def compiled() -> Callable[..., None]:
+    """Return `decide`, compiled."""
+    return compiled_once("the choice of charts", SIGNATURE)(decide)
+
+
 def decide(
     Phi, factors, bound, preferred, kept, independent, steps, steps_at, sizes, sizes_at, found
 ):

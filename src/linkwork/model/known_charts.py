@@ -2,6 +2,7 @@
 
 At most configurations the chart that is chosen was chosen before. `charts_at` chooses the others;
 what it compared on the way is kept, for `chart_margins` to hold further configurations against.
+Where that would have to be compiled first, all are chosen anew until it pays.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from linkwork.equations.chart import (
 from linkwork.equations.chart_choice import FALL, alike, size
 
 MOST = 256  # orders that are kept
+PAYS = 2000  # configurations at which choosing anew takes as long as compiling does
 
 
 class Known(NamedTuple):
@@ -46,7 +48,9 @@ class KnownCharts:
     def __init__(self, equations: Equations, preferred: Sequence[int]):
         from linkwork.model import chart_margins
 
-        self._margins = chart_margins  # compiled on first use of a machine, and not before it
+        self._margins = chart_margins
+        self._decide = chart_margins.compiled() if chart_margins.were_compiled() else None
+        self._met = 0
         self.equations, self.preferred = equations, tuple(preferred)
         columns, heights = equations.sizes
         units = equations.tree.rate_units / equations.rows.units[:, None]
@@ -67,10 +71,17 @@ class KnownCharts:
 
         Phi: the constraint Jacobian there (G x all rows x nv).
         """
+        # Anew, while that is quicker than compiling.
+        self._met += len(Phi)
+        if self._decide is None and self._met > PAYS:
+            self._decide = self._margins.compiled()
+        if self._decide is None:
+            found = charts_at(self.equations, Phi, self.preferred)
+            return self.equations.regular(Phi), found
         # By the decisions, as far as they are sure.
         known, Phi = self._known, np.ascontiguousarray(Phi)
         found = np.zeros((len(Phi), 2 + len(self.equations.chart.rows)), int)
-        self._margins.decide(Phi, self._factors, self._bound, self._wanted, *known, found)
+        self._decide(Phi, self._factors, self._bound, self._wanted, *known, found)
         regular, sure = found[:, 0] == 1, found != self._margins.UNKNOWN
         if sure.all():
             return regular, [(own, self._chart(key)) for key, own in alike(found[:, 1:])]

@@ -148,6 +148,15 @@ def compiled_once(what: str, signature) -> Callable[[Callable], Dispatcher]:
     return decorate
 
 
+def is_kept(function: Callable) -> bool:
+    """Tell whether `compiled_once` will find a function in Numba's cache folder."""
+    try:
+        cache: Any = _dispatcher(function)._cache  # pyright: ignore[reportAttributeAccessIssue]
+        return bool(cache._cache_file._load_index())
+    except (RuntimeError, OSError, EOFError, pickle.UnpicklingError):
+        return False
+
+
 def address_of(compiled: Dispatcher) -> int:
     """Return the address of a function compiled once, as C calls it."""
     (found,) = compiled.overloads.values()
@@ -158,12 +167,9 @@ def _cached(function: Callable, signature) -> Dispatcher | None:
     """Compile or load; return None where the cache folder cannot be used and nothing has been
     compiled yet."""
     try:
-        dispatcher = njit(cache=True, pipeline_class=_WholeCompiler, **ARITHMETIC)(function)
+        dispatcher = _dispatcher(function)
     except RuntimeError:  # Numba found no folder that it may write to
         return None
-    cache: Any = dispatcher._cache  # pyright: ignore[reportAttributeAccessIssue]
-    names = f"{cache._impl.filename_base}.{machine_digest()}"
-    cache._cache_file = IndexDataCacheFile(cache.cache_path, names, fingerprint(function))
     try:
         try:
             dispatcher.compile(signature)
@@ -173,10 +179,19 @@ def _cached(function: Callable, signature) -> Dispatcher | None:
             EOFError,
             pickle.UnpicklingError,
         ):  # written by another version of the file
-            cache.flush()
+            dispatcher._cache.flush()  # pyright: ignore[reportAttributeAccessIssue]
             dispatcher.compile(signature)
     except OSError:  # the folder failed while being read or written
         return None
+    return dispatcher
+
+
+def _dispatcher(function: Callable) -> Dispatcher:
+    """Return what compiles a function, or loads it from files that its fingerprint tells."""
+    dispatcher = njit(cache=True, pipeline_class=_WholeCompiler, **ARITHMETIC)(function)
+    cache: Any = dispatcher._cache  # pyright: ignore[reportAttributeAccessIssue]
+    names = f"{cache._impl.filename_base}.{machine_digest()}"
+    cache._cache_file = IndexDataCacheFile(cache.cache_path, names, fingerprint(function))
     return dispatcher
 
 
