@@ -8,6 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from linkwork.kernels import kernel
+
 from tests.house import SOURCE
 
 
@@ -48,3 +50,11 @@ def pytest_collection() -> Iterator[None]:
     yield
     gc.freeze()
     gc.enable()
+
+
+@pytest.fixture
+def code_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kernels are compiled when they are first asked: none is interpreted, none evaluates the
+    states of a stack one by one."""
+    monkeypatch.setattr(kernel, "SCATTERED", 0)
+    monkeypatch.setattr(kernel.Kernel, "_told", lambda self: None)

@@ -12,7 +12,7 @@ import pytest
 
 from linkwork.kernels import elementary
 from linkwork.kernels.compile import Code, object_code
-from linkwork.kernels.emit import ABREAST, FUNCTIONS, Kind, module_text
+from linkwork.kernels.emit import ABREAST, Kind, module_text
 from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import trace
 
@@ -72,7 +72,7 @@ def test_one_state_and_many_in_place_and_by_call_give_the_same_bits(
     for k, value in enumerate([1.0, *odd]):
         angles = np.random.default_rng(k).normal(scale=10, size=(STATES, n))
         angles[5, n // 2] = value
-        one, batch, wide = (compiled(machine, n, kind)(angles) for kind in FUNCTIONS)
+        one, batch, wide = (compiled(machine, n, kind)(angles) for kind in ("one", "batch", "wide"))
         alone = compiled(machine, 1, "batch")(angles[:, n // 2, None])
         np.testing.assert_array_equal(one, batch)
         np.testing.assert_array_equal(one, wide)

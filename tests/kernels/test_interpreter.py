@@ -17,9 +17,13 @@ from tests.kernels.test_kernel import SPECIAL
 X86 = Machine("x86_64-unknown-linux-gnu", "x86-64", "+avx2,+fma")
 
 
+TOLD = Kernel._told
+
+
 @pytest.fixture(autouse=True)
-def long(monkeypatch):
+def long(compiled, monkeypatch):
     monkeypatch.setattr(kernel, "LONG", 0)
+    monkeypatch.setattr(Kernel, "_told", TOLD)
 
 
 def interpreted(f: ca.Function) -> Kernel:
@@ -87,6 +91,31 @@ def test_code_takes_over_at_the_same_address_and_is_found_by_the_next_process():
     assert again.early_address == again.address and again.from_cache and not again._tapes
 
 
+def test_calls_from_python_are_interpreted_until_there_is_code(monkeypatch):
+    monkeypatch.setattr(kernel, "WORTH", 4)
+    f = random_function(96)
+    asked, x = compile_function(f), np.arange(12.0).reshape(3, 4)
+    bound, before = asked.given(x[2]), np.hstack(asked(*x))
+    for count in range(1, 5):
+        assert bool(asked._modules) == (count == 4)
+        assert asked._tapes[0].evaluations == count
+        np.testing.assert_array_equal(np.hstack(asked(*x)), before)
+    np.testing.assert_array_equal(np.hstack(bound(*x[:2])), before)
+    found = compile_function(f)
+    np.testing.assert_array_equal(np.hstack(found(*x)), before)
+    assert found.from_cache and not found._tapes
+
+
+def test_calls_from_python_use_code_that_a_loop_had_compiled():
+    f, x = compile_function(random_function(95)), np.arange(12.0).reshape(3, 4)
+    before = np.hstack(f(*x))
+    assert f._tapes and not f._modules
+    assert f.early_address == f.address
+    for _ in range(2):
+        np.testing.assert_array_equal(np.hstack(f(*x)), before)
+        assert f._tapes[0].evaluations == 1
+
+
 def test_a_tape_is_kept_on_disk(monkeypatch):
     f, x = random_function(98), np.arange(12.0)
     before = interpreted(f).flat(x)
@@ -107,3 +136,11 @@ def test_a_tape_knows_every_operation():
     """All that a program may hold but inputs and constants."""
     assert {"fma", "fms", "fnma", "select", "if_else_zero"} <= CODES.keys()
     assert len(set(CODES.values())) == len(CODES)
+
+
+def test_angles_that_are_far_change_no_bit_of_those_that_are_near():
+    x = ca.SX.sym("x", 12)
+    f = ca.Function("far", [x], [ca.sin(x), ca.cos(x[:7])])
+    points = np.random.default_rng(4).normal(scale=2, size=(40, 12))
+    points[::2, 5], points[::3, 11] = 1e9, -3e8
+    assert_bits(f, points)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from linkwork.kernels import compile_function, sections
-from linkwork.kernels.emit import FUNCTIONS, module_text
+from linkwork.kernels.dense import source_text
+from linkwork.kernels.emit import FUNCTIONS
 from linkwork.kernels.fixed_results import FEWEST
 from linkwork.kernels.machine import this_machine
 from linkwork.kernels.program import Program, trace
@@ -99,7 +100,7 @@ def test_a_large_program_is_compiled_in_pieces_and_a_small_one_is_not():
     for operations, pieces in ((60, 0), (5000, 10)):
         program = simplify(trace(random_function(0, operations)))
         for kind in FUNCTIONS:
-            functions = module_text(program, machine, kind).split("\ndefine ")[1:]
+            functions = source_text(program, machine, kind).split("\ndefine ")[1:]
             parts = [text for text in functions if text.startswith(f"internal void @{kind}.")]
             assert len(parts) >= pieces and bool(parts) == bool(pieces)
             lines = [text.count(" = f") + text.count(" = call contract") for text in functions]

@@ -42,7 +42,7 @@ class BoundFunction:
         weakref.finalize(self, _slots.leave, address)
         return address
 
-    @property
+    @cached_property
     def early_address(self) -> int:
         """The same, as of a kernel."""
         return self.address

@@ -37,10 +37,14 @@ LIBC = "declare ptr @malloc(i64)\ndeclare void @free(ptr)\ndeclare ptr @memcpy(p
 
 class Interpreted(BoundFunction):
     """A program's tape with the interpreter, until there is machine code: its address, of
-    void(const double* in, double* out), stays the same."""
+    void(const double* in, double* out), stays the same.
 
-    def __init__(self, tape: np.ndarray, n_in: int, n_out: int):
+    operations: of the program
+    """
+
+    def __init__(self, tape: np.ndarray, n_in: int, n_out: int, operations: int):
         super().__init__(interpreter(this_machine()).addresses[NAME], tape, n_in, n_out)
+        self.operations = operations
 
     @property
     def evaluations(self) -> int:
@@ -63,9 +67,12 @@ def found_or_told(
     content = cache.read(entry)
     if content is None:
         with announced(f"preparing {f.name()}"), uncollected():
-            content = tape(fused(program(), this_machine())).tobytes()
+            whole = program()
+            words = np.array([whole.operations, *tape(fused(whole, this_machine()))], np.int64)
+        content = words.tobytes()
         cache.write(entry, content)
-    return Interpreted(np.frombuffer(content, np.int64).copy(), n_in, n_out)
+    words = np.frombuffer(content, np.int64).copy()
+    return Interpreted(words[1:], n_in, n_out, words.item(0))
 
 
 @lru_cache

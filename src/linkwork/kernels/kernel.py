@@ -24,6 +24,8 @@ _ONE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
 _ROWS = ctypes.CFUNCTYPE(None, ctypes.c_int64, *[ctypes.c_void_p] * 5)
 _ALIGNMENT = 64
 FEWEST = 2000  # states that are worth a thread
+SCATTERED = 10_000  # states, one by one, that take as long as compiling code for many
+WORTH = 5_000  # evaluations of one state, asked for one by one, that are worth compiling for
 _DOUBLE = np.dtype(np.float64)
 
 
@@ -53,6 +55,8 @@ def compile_function(
 
 class Kernel:
     """A function compiled to machine code, for one state and for many at a time.
+
+    Calls interpret it, to the same bits, until so many states were asked for that compiling pays.
 
     name: the function's
     inputs, outputs: (name, number of doubles) of each argument and result, in order
@@ -104,6 +108,7 @@ class Kernel:
         self._buffers = _Buffers(self.inputs, self.outputs, self.lanes)
         self._shapes = tuple((size,) for _, size in self.inputs)
         self._last: NDArray[np.float64] | None = None
+        self._scattered = 0
 
     def given(self, last: ArrayLike) -> "Kernel":
         """Return this kernel, with values for its last input that calls take where they leave it
@@ -113,6 +118,7 @@ class Kernel:
         """
         kernel = object.__new__(type(self))
         kernel.__dict__ |= self.__dict__ | {"_last": np.asarray(last, dtype=np.float64)}
+        kernel.__dict__.pop("_one", None)
         return kernel
 
     def __repr__(self) -> str:
@@ -130,18 +136,10 @@ class Kernel:
         (address,) = self._module("one").addresses.values()
         return address
 
-    @property
+    @cached_property
     def early_address(self) -> int:
-        if not (self._tapes or "one" in self._modules) and self._patient():
-            with self._lock:
-                if not (self._tapes or "one" in self._modules):
-                    given = self._function, lambda: self._program, self.n_in, self.n_out
-                    found = found_or_told(*given)
-                    if isinstance(found, Module):
-                        self._modules["one"] = found
-                    else:
-                        self._tapes.append(found)
-        return self._tapes[0].address if self._tapes else self.address
+        told = self._told() if self._patient() else None
+        return told.address if told else self.address
 
     @cached_property
     def batch_address(self) -> int:
@@ -165,6 +163,8 @@ class Kernel:
 
     @property
     def operations(self) -> int:
+        if not self._modules and (told := self._told()):
+            return told.operations
         return self._any_modules()[0].operations
 
     @property
@@ -233,8 +233,33 @@ class Kernel:
         return simplify(self.traced())
 
     @cached_property
-    def _one(self) -> Callable[..., None]:
-        return _ONE(self.early_address)
+    def _one(self) -> Callable[[int | bytes, int], None]:
+        """Evaluate one state: interpreted, until code is there or worth compiling."""
+        told = self._told()
+        if told is None or "one" in self._modules:
+            return _ONE(self.address)
+        call, left = _ONE(told.address), WORTH
+
+        def counted(x: int | bytes, y: int) -> None:
+            nonlocal left
+            call(x, y)
+            left -= 1
+            if left == 0 or "one" in self._modules:
+                self._one = _ONE(self.address)
+
+        return counted
+
+    def _told(self) -> Interpreted | None:
+        """Return the tape of this function, but where its code was found or is made of another."""
+        with self._lock:
+            if not (self._tapes or self._modules.get("one") or self._by_rows):
+                given = self._function, lambda: self._program, self.n_in, self.n_out
+                found = found_or_told(*given)
+                if isinstance(found, Module):
+                    self._modules["one"] = found
+                else:
+                    self._tapes.append(found)
+            return self._tapes[0] if self._tapes else None
 
     @cached_property
     def _stored(self) -> Callable[..., None]:
@@ -281,8 +306,10 @@ class Kernel:
         leading = self._leading_shape(values)
         rows = [_contiguous_rows(value, leading) for value in values]
         strides = [0 if row.ndim == 1 else row.shape[-1] for row in rows]
-        results = tuple([np.empty((*leading, size)) for _, size in self.outputs])
         sizes, count = [size for _, size in self.outputs], prod(leading)
+        if self._is_scattered(count):
+            return self._evaluate_each(rows, leading, count)
+        results = tuple([np.empty((*leading, size)) for size in sizes])
 
         def evaluate(first: int, count: int) -> None:
             """Evaluate some of the states, by buffers of the thread that does so."""
@@ -302,6 +329,28 @@ class Kernel:
         with crew(parts) as pool:
             list(pool.map(lambda at: evaluate(at, min(share, count - at)), range(0, count, share)))
         return results
+
+    def _is_scattered(self, count: int) -> bool:
+        """Tell whether so few states were asked for so far that code for many is not worth
+        compiling: that for one has the same bits, but where it is made of another function."""
+        if "batch" in self._modules or self._by_rows or self._scattered + count > SCATTERED:
+            return False
+        self._scattered += count
+        return True
+
+    def _evaluate_each(
+        self, rows: list[NDArray[np.float64]], leading: tuple[int, ...], count: int
+    ) -> tuple[NDArray[np.float64], ...]:
+        """Evaluate states one by one."""
+        x, y = np.empty((count, self.n_in)), np.empty((count, self.n_out))
+        for part, row in zip(_columns(x, self.inputs), rows, strict=True):
+            part[...] = row if row.ndim == 1 else row.reshape(part.shape)
+        one, x_address, y_address = self._one, x.ctypes.data, y.ctypes.data
+        for k in range(count):
+            one(x_address + 8 * self.n_in * k, y_address + 8 * self.n_out * k)
+        return tuple(
+            [part.reshape(*leading, part.shape[-1]).copy() for part in _columns(y, self.outputs)]
+        )
 
     def _leading_shape(self, values: list[NDArray[np.float64]]) -> tuple[int, ...]:
         """Return the shape of the batch, the broadcast of all dimensions but the last."""
@@ -356,6 +405,14 @@ def _partitioned(
         flat.ctypes.data,
         [flat[end - size : end] for end, (_, size) in zip(ends, parts, strict=True)],
     )
+
+
+def _columns(
+    flat: NDArray[np.float64], parts: tuple[tuple[str, int], ...]
+) -> list[NDArray[np.float64]]:
+    """Return the parts of flat vectors (count, n)."""
+    ends = accumulate(size for _, size in parts)
+    return [flat[:, end - size : end] for end, (_, size) in zip(ends, parts, strict=True)]
 
 
 def _joined(parts: tuple[NDArray[np.float64], ...]) -> bytes:
