@@ -69,20 +69,22 @@ class State(ReadOnlyArrays):
     def with_rates(self, rates: ArrayLike | Mapping[str, float]) -> State:
         """Return the same configuration with other independent rates (..., n) [m/s, rad/s], or by
         name, others zero."""
-        n, names = len(self.independent), ", ".join(self.independent)
         if isinstance(rates, Mapping):
             if not set(rates) <= set(self.independent):
                 raise LinkworkError(
-                    f"rates of {', '.join(map(str, rates))} do not fit; give some of {names}"
+                    f"rates of {', '.join(map(str, rates))} do not fit; give some of "
+                    f"{', '.join(self.independent)}"
                 )
             rates = [rates.get(name, 0.0) for name in self.independent]
-        values, shape = finite(rates, "the rates"), (*self.batch, n)
+        values, shape = finite(rates, "the rates"), self.rates.shape
         if values.shape not in (shape, shape[-1:]):
             raise LinkworkError(
-                f"rates {shown(values.tolist())} do not fit; give {n} finite numbers: {names}"
+                f"rates {shown(values.tolist())} do not fit; give {len(self.independent)} finite "
+                f"numbers: {', '.join(self.independent)}"
             )
-        rates = np.broadcast_to(values, shape).copy()
-        return State(self.positions, rates, self.q, self.coordinates, self.independent)
+        if values.shape != shape:
+            values = np.broadcast_to(values, shape).copy()
+        return State(self.positions, values, self.q, self.coordinates, self.independent)
 
     def at(self, index: int | slice | np.ndarray) -> State:
         """Return some of the stacked states."""
