@@ -244,7 +244,7 @@ class Kernel:
             nonlocal left
             call(x, y)
             left -= 1
-            if left == 0 or "one" in self._modules:
+            if left <= 0 or "one" in self._modules:
                 self._one = _ONE(self.address)
 
         return counted
