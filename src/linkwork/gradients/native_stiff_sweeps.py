@@ -28,7 +28,14 @@ from linkwork.gradients.native_stiff_steps import (
     stiff_at,
     stiff_size,
 )
-from linkwork.gradients.native_sweeps import BACKWARDS, FORWARDS, row_against, row_along
+from linkwork.gradients.native_sweeps import (
+    BACKWARDS,
+    FORWARDS,
+    inputs_against,
+    row_against,
+    row_along,
+    sample_along,
+)
 from linkwork.simulation.compiled import OPTIONS, compiled_once
 from linkwork.simulation.native_loop import flat
 from linkwork.simulation.native_parts import copy, inputs_of, method_of, padded
@@ -114,15 +121,10 @@ def tangent(
             closed_along(bench, kernels, sizes, bench.z, steps, new, dp)
         # Samples by the dense output, from the changes of the start and of all stages.
         while place < count and int(places[place]) == i:
-            newton = within(bench, kernels, sizes, method, h, (times[place] - t[i]) / h)
-            for d in range(directions):
-                weighed(
-                    bench, bench.weights, bench.other_weights, method.stages, h, start + d * width,
-                    slopes + d * each, width, n, inner,
-                )  # fmt: skip
-                dp = pointer(d_p) + d * sizes.parameters
-                closed_along(bench, kernels, sizes, bench.z_sample, newton, inner, dp)
-                copy(inner, pointer(samples) + (place * directions + d) * n, n)
+            sample_along(
+                bench, kernels, sizes, method, h, (times[place] - t[i]) / h, directions, start,
+                slopes, inner, pointer(d_p), pointer(samples) + place * directions * n,
+            )  # fmt: skip
             place += 1
         for d in range(directions):
             new = slopes + d * each + method.stages * width
@@ -164,22 +166,11 @@ def cost_of(bench, stiff, kernels, sizes, method, h, slopes, stages):
 @njit(**OPTIONS)
 def bent_against(bench, stiff, second, sizes, method, inputs, i, h, before, signals, held, p_bar):
     """Add what the matrix of a step tells, where the seed holds the bars of a stage."""
-    n, columns = sizes.n, sizes.signals
     directed(bench, stiff, sizes, method, i, h)
     call(second.bend_against, stiff.bent, stiff.bends)
-    bar, piece = stiff.bends, int(bench.pieces[1])
-    for m in range(n):
-        before[m] += bar[m]
-    power, s = 1.0, bench.times[1] - inputs.knots[piece]
-    for m in range(4):
-        own = signals + columns * (4 * piece + m)
-        for c in range(columns):
-            own[c] += power * bar[n + c]
-        power *= s
-    for c in range(sizes.held):
-        held[c] += bar[n + columns + c]
-    for c in range(sizes.parameters):
-        p_bar[c] += bar[n + columns + sizes.held + c]
+    for m in range(sizes.n):
+        before[m] += stiff.bends[m]
+    inputs_against(bench, sizes, inputs, 1, stiff.bends + sizes.n, signals, held, p_bar)
 
 
 @njit(**OPTIONS)

@@ -105,6 +105,22 @@ def step_along(bench, kernels, sizes, method, inputs, h, steps, dense, signals, 
             row_along(bench, kernels, sizes, method, inputs, i, signals, held, dp, dk)
 
 
+@njit(**OPTIONS)
+def sample_along(
+    bench, kernels, sizes, method, h, theta, directions, dys, slopes, inner, d_p, found
+):  # fmt: skip
+    """Leave the changes (D, n) of a sample by the dense output, at a share theta of a step, from
+    those of the start and of all slopes."""
+    n, width, rows = sizes.n, bench.width, method.stages
+    newton = within(bench, kernels, sizes, method, h, theta)
+    for d in range(directions):
+        dy, dk = dys + d * width, slopes + d * (rows + 1) * width
+        weighed(bench, bench.weights, bench.other_weights, rows, h, dy, dk, width, n, inner)
+        dp = d_p + d * sizes.parameters
+        closed_along(bench, kernels, sizes, bench.z_sample, newton, inner, dp)
+        copy(inner, found + d * n, n)
+
+
 @compiled_once("the tangents of runs", FORWARDS)
 def tangent(
     kernels, sizes, p, plan, plan_apart, signal, t, y, held, places, times, d_p, d_signal, d_held,
@@ -151,16 +167,10 @@ def tangent(
             )  # fmt: skip
         # Samples by the dense output, from the changes of the start and of all slopes.
         while place < count and int(places[place]) == i:
-            newton = within(bench, kernels, sizes, method, h, (times[place] - t[i]) / h)
-            for d in range(directions):
-                own, dk = start + d * width, slopes + d * each
-                weighed(
-                    bench, bench.weights, bench.other_weights, method.stages, h, own, dk, width, n,
-                    inner,
-                )  # fmt: skip
-                dp = pointer(d_p) + d * sizes.parameters
-                closed_along(bench, kernels, sizes, bench.z_sample, newton, inner, dp)
-                copy(inner, pointer(samples) + (place * directions + d) * n, n)
+            sample_along(
+                bench, kernels, sizes, method, h, (times[place] - t[i]) / h, directions, start,
+                slopes, inner, pointer(d_p), pointer(samples) + place * directions * n,
+            )  # fmt: skip
             place += 1
         for d in range(directions):
             new = slopes + d * each + method.stages * width
@@ -177,20 +187,26 @@ def tangent(
 @njit(**OPTIONS)
 def row_against(bench, kernels, sizes, inputs, i, bars, b_width, signal_bar, held_bar, p_bar):
     """Evaluate what row i contributes, of which the seed holds the bars of k_i and of the cost."""
-    n, columns = sizes.n, sizes.signals
     bar = bars + i * b_width
     call(kernels.against, bench.x + i * bench.x_width, bar)
-    piece = int(bench.pieces[i])
+    inputs_against(bench, sizes, inputs, i, bar + sizes.n, signal_bar, held_bar, p_bar)
+
+
+@njit(**OPTIONS)
+def inputs_against(bench, sizes, inputs, i, bar, signal_bar, held_bar, p_bar):
+    """Add what the bars of the inputs at row i, held ones and parameters included, tell of the
+    coefficients of the signals, of the held inputs and of p."""
+    columns, piece = sizes.signals, int(bench.pieces[i])
     power, s = 1.0, bench.times[i] - inputs.knots[piece]
     for m in range(4):
         own = signal_bar + columns * (4 * piece + m)
         for c in range(columns):
-            own[c] += power * bar[n + c]
+            own[c] += power * bar[c]
         power *= s
     for c in range(sizes.held):
-        held_bar[c] += bar[n + columns + c]
+        held_bar[c] += bar[columns + c]
     for c in range(sizes.parameters):
-        p_bar[c] += bar[n + columns + sizes.held + c]
+        p_bar[c] += bar[columns + sizes.held + c]
 
 
 @compiled_once("the adjoints of runs", BACKWARDS)

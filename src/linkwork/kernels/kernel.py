@@ -343,13 +343,13 @@ class Kernel:
     ) -> tuple[NDArray[np.float64], ...]:
         """Evaluate states one by one."""
         x, y = np.empty((count, self.n_in)), np.empty((count, self.n_out))
-        for part, row in zip(_columns(x, self.inputs), rows, strict=True):
+        for part, row in zip(_parted(x, self.inputs), rows, strict=True):
             part[...] = row if row.ndim == 1 else row.reshape(part.shape)
         one, x_address, y_address = self._one, x.ctypes.data, y.ctypes.data
         for k in range(count):
             one(x_address + 8 * self.n_in * k, y_address + 8 * self.n_out * k)
         return tuple(
-            [part.reshape(*leading, part.shape[-1]).copy() for part in _columns(y, self.outputs)]
+            [part.reshape(*leading, part.shape[-1]).copy() for part in _parted(y, self.outputs)]
         )
 
     def _leading_shape(self, values: list[NDArray[np.float64]]) -> tuple[int, ...]:
@@ -398,21 +398,16 @@ class _Buffers(threading.local):
 def _partitioned(
     parts: tuple[tuple[str, int], ...],
 ) -> tuple[NDArray[np.float64], int, list[NDArray[np.float64]]]:
-    ends = list(accumulate(size for _, size in parts))
-    flat = _aligned(ends[-1] if ends else 0)
-    return (
-        flat,
-        flat.ctypes.data,
-        [flat[end - size : end] for end, (_, size) in zip(ends, parts, strict=True)],
-    )
+    flat = _aligned(sum(size for _, size in parts))
+    return flat, flat.ctypes.data, _parted(flat, parts)
 
 
-def _columns(
+def _parted(
     flat: NDArray[np.float64], parts: tuple[tuple[str, int], ...]
 ) -> list[NDArray[np.float64]]:
-    """Return the parts of flat vectors (count, n)."""
+    """Return the parts of flat vectors (..., n)."""
     ends = accumulate(size for _, size in parts)
-    return [flat[:, end - size : end] for end, (_, size) in zip(ends, parts, strict=True)]
+    return [flat[..., end - size : end] for end, (_, size) in zip(ends, parts, strict=True)]
 
 
 def _joined(parts: tuple[NDArray[np.float64], ...]) -> bytes:
