@@ -136,8 +136,10 @@ class CompiledChart:
 
     def settle(self, evaluations: int = PAYS) -> None:
         """Compile what an interpreter has evaluated so often in place of code."""
-        home = self.shared
-        for kernels in (self._kernels, home._kernels, home._free_kernels):
+        found = [self._kernels, self.shared._free_kernels]
+        if self.home is not None:
+            found.append(self.home._kernels)
+        for kernels in found:
             for kernel in kernels.values():
                 kernel.settle(evaluations)
 
