@@ -1,6 +1,6 @@
 """A program as statements of C, one for each operation.
 
-    const double v7 = v3 * v5;          v9 = FMA(v3, v4, v8), rounded as in kernels (`products`)
+    const double v7 = v3 * v5;          v9 = FMA(v3, v4, v8), rounded as in kernels
 
 Values are computed near their use, depth first: compilers of C keep the order that they are given,
 and what waits long for its use costs a register. (LLVM orders the operations of kernels anew.)
@@ -21,8 +21,8 @@ from typing import Literal
 
 import numpy as np
 
-from linkwork.export.products import fused
 from linkwork.kernels.body import LIBRARY
+from linkwork.kernels.fused import NEGATED, fused
 from linkwork.kernels.program import Program
 from linkwork.kernels.sections import FETCHED, Section, planned
 from linkwork.kernels.simplify import chain_lengths, depth_first
@@ -88,6 +88,7 @@ def functions_text(
 
     fields: of the structure that the input p is
     """
+    program = fused(program)
     plan = planned(program, LANES)
     body = _Body(program, dialect, fields)
     inputs = [
@@ -129,8 +130,6 @@ class _Body:
         self.plan = planned(program, LANES)
         order = depth_first(program, chain_lengths(program.nodes))
         self.rank = {k: rank for rank, k in enumerate(order)}
-        self.sums = fused(program, self.plan)
-        self.taken = {each.product for each in self.sums.values()}
         arrays = [each for each in program.inputs if each[0] != "p" or not fields]
         self.inputs = [*_places(arrays), *(f"p->{field}" for field in fields)]
         self.outputs = _places(program.outputs)
@@ -148,7 +147,7 @@ class _Body:
     def section(self, section: Section) -> Iterator[str]:
         """Yield the statements of a section, with its sines and cosines."""
         for k in sorted(section.nodes, key=self.rank.__getitem__):
-            if self.nodes[k].op not in FETCHED and k not in self.taken:
+            if self.nodes[k].op not in FETCHED:
                 self.made.add(k)
                 kind = "int t" if self._true(k) else "lw_real v"
                 yield f"    const {kind}{k} = {self._computed(k)};"
@@ -201,8 +200,6 @@ class _Body:
 
     def _computed(self, k: int) -> str:
         op, args, _ = self.nodes[k]
-        if k in self.sums:
-            return self._sum(k)
         if op in _OPERATORS:
             return f" {_OPERATORS[op]} ".join(map(self.number, args))
         if op in _COMPARISONS:
@@ -216,19 +213,17 @@ class _Body:
         if op in ("if_else_zero", "select"):
             other = self.number(args[2]) if op == "select" else self.dialect.constant(0.0)
             return f"{self.truth(args[0])} ? {self.number(args[1])} : {other}"
+        if op in NEGATED:
+            a, b, c = (
+                "-" * negated + self.number(x) for x, negated in zip(args, NEGATED[op], strict=True)
+            )
+            return f"LW_FMA({a}, {b}, {c})"
         given = ", ".join(map(self.number, args))
         if op in _OWN:
             return f"lw_{_OWN[op]}({given})"
         if op in _PLAIN or op in LIBRARY:
             return f"{op}{self.dialect.suffix}({given})"
         raise AssertionError(op)
-
-    def _sum(self, k: int) -> str:
-        taken = self.sums[k]
-        a, b = map(self.number, self.nodes[taken.product].args)
-        c = self.number(taken.term)
-        a, c = ("-" * taken.minus_product) + a, ("-" * taken.minus_term) + c
-        return f"LW_FMA({a}, {b}, {c})"
 
 
 def _places(parts: Sequence[tuple[str, int]]) -> list[str]:

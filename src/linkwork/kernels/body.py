@@ -1,5 +1,6 @@
 """The instructions of a program's sections, for one number or for a vector of them."""
 
+from linkwork.kernels.fused import NEGATED
 from linkwork.kernels.lines import Lines
 from linkwork.kernels.program import Operation, Program
 from linkwork.kernels.repeats import ARGUMENTS, Part
@@ -26,7 +27,6 @@ _INTRINSICS = {
     "fmax": "maxnum",
 }
 # Which operands of a product and a sum that are rounded together count negative.
-_SIGNS = {"fma": (False, False, False), "fms": (False, False, True), "fnma": (True, False, False)}
 _COMPARISONS = {"lt": "olt", "le": "ole", "eq": "oeq", "ne": "une"}
 _LOGICAL = {"and": "and", "or": "or"}
 
@@ -130,8 +130,8 @@ class SectionBody:
             return lines.op(_ARITHMETIC[op], *map(self.number, args))
         if op == "neg":
             return lines.negative(self.number(args[0]))
-        if op in _SIGNS:
-            signed = zip(map(self.number, args), _SIGNS[op], strict=True)
+        if op in NEGATED:
+            signed = zip(map(self.number, args), NEGATED[op], strict=True)
             return lines.call("fma", *(lines.negative(x) if minus else x for x, minus in signed))
         if op in _INTRINSICS:
             return lines.call(_INTRINSICS[op], *map(self.number, args))

@@ -110,7 +110,7 @@ def _evaluated(
 ) -> tuple[list[str], list[str]]:
     """Append the evaluation of a program; return the definitions that this needs besides, and the
     names of the results. Sections that are functions read and write blocks in memory."""
-    program = fused(program, machine)
+    program = fused(program, machine.has_fma)
     plan = planned(program, 1)
     if plan.apart:
         for name, count in (("in", program.n_in), ("out", program.n_out)):

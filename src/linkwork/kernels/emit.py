@@ -132,7 +132,7 @@ def evaluation(
     abreast: the vectors that lie side by side in %in and %out, of which the first is meant; shared:
     inputs that are single numbers for all lanes.
     """
-    program = fused(program, machine)
+    program = fused(program, machine.has_fma)
     plan = planned(program, machine.lanes // lines.width, not shared)
     if plan.slots or plan.apart:
         slots = max(plan.slots, 1)

@@ -5,21 +5,22 @@
     sub(c, mul(a, b)) -> fnma(a, b, c) = c - a b
 
 where nothing else needs the product; of two products the first one. So it is decided here, and not
-by whoever carries a program out: machine code and the interpreter of tapes come to the same bits.
+by whoever carries a program out: machine code, the interpreter of tapes and exported C come to the
+same bits.
 """
 
 from collections import Counter
 from dataclasses import replace
 
-from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import Operation, Program
 
 FUSED = {"add": ("fma", "fma"), "sub": ("fms", "fnma")}  # by which of the two is the product
+NEGATED = {"fma": (False, False, False), "fms": (False, False, True), "fnma": (True, False, False)}
 
 
-def fused(program: Program, machine: Machine) -> Program:
-    """Return a program with the products fused, where the machine does so in one instruction."""
-    if not machine.has_fma:
+def fused(program: Program, has_fma: bool = True) -> Program:
+    """Return a program with the products fused, where one instruction does so."""
+    if not has_fma:
         return program
     nodes = program.nodes
     uses = Counter(program.results)

@@ -68,7 +68,9 @@ def found_or_told(
     if content is None:
         with announced(f"preparing {f.name()}"), uncollected():
             whole = program()
-            words = np.array([whole.operations, *tape(fused(whole, this_machine()))], np.int64)
+            words = np.array(
+                [whole.operations, *tape(fused(whole, this_machine().has_fma))], np.int64
+            )
         content = words.tobytes()
         cache.write(entry, content)
     words = np.frombuffer(content, np.int64).copy()
