@@ -46,6 +46,7 @@ WINGS = {
     "fewer operations": ("fused", "regrouping", "simplify", "turned_inertia"),
     "sines and cosines": ("angles", "elementary"),
     "stacks of states": ("dense", "stacks", "stored_states", "transposed"),
+    "calls from Python": ("directly", "from_python"),
     "compiled by Numba": ("compiled", "pointers", "structures"),
     "kept and sent": ("cache", "derivations", "pickled"),
     # What a robot is asked at a state.

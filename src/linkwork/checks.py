@@ -77,7 +77,7 @@ def finite(values: ArrayLike, what: str) -> np.ndarray:
         given = np.asarray(values)
         numeric = given.dtype.kind in "iufO" and not has_truth(values)
         array = given.astype(float) if numeric else None
-    except (TypeError, ValueError, RuntimeError, NotImplementedError):
+    except (TypeError, ValueError, OverflowError, RuntimeError):
         array = None
     if array is None:
         raise LinkworkError(f"{what} is {shown(values)}; give numbers")

@@ -1,26 +1,23 @@
 """The shortest way from Python through a kernel: at one state below a microsecond.
 
-The numbers of one state go to the machine code as bytes, for an array tells its address slowly;
-those of stacks go in one call. The code keeps watch over its result itself, and Python reads one
-number of each state instead of looking arrays through. What is not plain, or is doubted, is left to
-others: None.
+The numbers of one state go straight to the machine code (`kernels.from_python`), those of stacks in
+one call. The code keeps watch over its result itself, so that nobody looks arrays through. What is
+not plain, or is doubted, is left to others: None.
 """
 
 from __future__ import annotations
 
-import ctypes
-import threading
 from collections.abc import Callable
 
 import numpy as np
 
 from linkwork.kernels import Kernel, KernelError
+from linkwork.kernels.from_python import AskedOutputs, Direct, direct
 from linkwork.model.checks import DOUBLE
 from linkwork.model.state import State
 from linkwork.robot import Robot
 
 Quick = Callable[..., np.ndarray | None]
-MACHINE_CODE = ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
 
 
 def short_way(
@@ -33,16 +30,16 @@ def short_way(
     least: determinant that is doubted
     of_state: whether the kernel takes the states' own rates, in the robot's home chart
     """
-    room, code = ResultRoom(kernel.n_out, shape), None
-    join: Callable[..., bytes] = b"".join
     coordinates, independent, p = robot.coordinates, robot.independent, robot.p
-    tail, bound = np.array([least, *p]).tobytes(), np.array([least])
-    length = 8 * kernel.n_in
-    numbers = kernel.n_in - robot.equations.nq - len(p) - 1
+    tail, bound = np.array([least, *p]), np.array([least])
+    nq = robot.equations.nq
+    numbers = kernel.n_in - nq - tail.size
+    sizes = (nq, numbers) if numbers else (nq,)
+    call: Direct | None = None
 
-    def found(state: State, given: np.ndarray | None = None) -> np.ndarray | None:
-        nonlocal code
-        # What the code takes, as bytes; states and vectors that are not plain go another way.
+    def found(state: State, given: object = None) -> np.ndarray | None:
+        nonlocal call
+        # What the code takes, if the state is one of the robot's own; it is made when first needed.
         try:
             q = state.q
             if state.coordinates is not coordinates:
@@ -51,43 +48,23 @@ def short_way(
                 if state.independent is not independent and state.independent != independent:
                     return None
                 given = state.rates
-            if q.ndim != 1:
-                return stacked(q, given)
-            if not numbers:
-                taken = join((q, tail))
-            elif isinstance(given, np.ndarray) and given.dtype is DOUBLE and given.ndim == 1:
-                taken = join((q, given, tail))
-            else:
-                return stacked(q, given)
-        except (AttributeError, TypeError, BufferError):
+        except AttributeError:
             return None
-        if len(taken) != length:
-            return None
-        # What it gives, and what watches that; the code is made when it is first needed.
-        code = code or MACHINE_CODE(kernel.address)
-        address, result, sound = room.parts
-        code(taken, address)
-        return result.copy() if sound[0] else None
+        call = call or direct(kernel, sizes, tail, AskedOutputs(0, shape, 0.0))
+        result = call(q, given) if numbers else call(q)
+        return stacked(q, given) if result is None else result
 
-    def stacked(q: np.ndarray, given: np.ndarray | None) -> np.ndarray | None:
+    def stacked(q: np.ndarray, given: object) -> np.ndarray | None:
         """Return the results at states (..., nq), given vectors (..., k) or both."""
-        if numbers and not (isinstance(given, np.ndarray) and given.dtype == DOUBLE):
-            return None
+        parts = [q, bound, p]
+        if numbers:
+            if not (isinstance(given, np.ndarray) and given.dtype == DOUBLE):
+                return None
+            parts.insert(1, given)
         try:
-            result, sound = kernel(q, *((given,) if numbers else ()), bound, p)  # pyright: ignore[reportArgumentType]
+            result, sound = kernel(*parts)
         except KernelError:
             return None
         return result.reshape(*result.shape[:-1], *shape) if sound.min(initial=1.0) else None
 
     return found
-
-
-class ResultRoom(threading.local):
-    """Room for one result, each thread its own.
-
-    parts: its address, the result in it, and what watches it
-    """
-
-    def __init__(self, size: int, shape: tuple[int, ...]):
-        y = np.empty(size)
-        self.parts = y.ctypes.data, y[:-1].reshape(shape), memoryview(y)[-1:]  # pyright: ignore[reportArgumentType]

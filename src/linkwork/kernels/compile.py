@@ -26,9 +26,12 @@ def assembly(text: str, machine: Machine) -> str:
 
 class Code:
     """Object code in memory: the addresses of its functions by name, which hold as long as this
-    object lives."""
+    object lives.
 
-    def __init__(self, object_code: bytes, functions: tuple[str, ...]):
+    beside: addresses of what it needs and the C library has not, by name
+    """
+
+    def __init__(self, object_code: bytes, functions: tuple[str, ...], **beside: int):
         _initialize()
         # This linker keeps code and constants in one piece of memory, so that they always reach
         # each other.
@@ -36,7 +39,7 @@ class Code:
         library = llvm.JITLibraryBuilder().add_object_img(object_code)
         for name in functions:
             library.export_symbol(name)
-        for name, address in _library_addresses().items():
+        for name, address in (_library_addresses() | beside).items():
             library.import_symbol(name, address)
         self._library = library.link(self._engine, "kernel")
         self.addresses: dict[str, int] = {name: self._library[name] for name in functions}

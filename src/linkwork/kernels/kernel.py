@@ -162,6 +162,11 @@ class Kernel:
         return self._module("columns").addresses["columns"]
 
     @property
+    def has_code(self) -> bool:
+        """Whether there is machine code for one state."""
+        return "one" in self._modules
+
+    @property
     def operations(self) -> int:
         if not self._modules and (told := self._told()):
             return told.operations

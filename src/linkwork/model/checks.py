@@ -105,7 +105,7 @@ def vector(
         return values_by_name(values, names, what, kind)
     try:
         array = None if has_truth(values) else np.asarray(values, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = None
     if array is None:
         raise LinkworkError(

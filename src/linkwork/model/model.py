@@ -27,6 +27,7 @@ from linkwork.model.assembly import OPEN_LOOPS, Assembler, evaluate
 from linkwork.model.charts import Charts, CompiledChart, shorter
 from linkwork.model.closing import Least, approach
 from linkwork.model.derivations import derived, kept
+from linkwork.model.directly import DirectCalls
 from linkwork.model.known_charts import KnownCharts
 from linkwork.model.leading import Leader
 from linkwork.model.modes import ModeStages, modes_of
@@ -115,6 +116,11 @@ class Model(SetOnce):
         """Call a function of this robot and of what tells its results apart; results are kept for
         some calls to come."""
         return lru_cache(maxsize=1024)(lambda function, *given: function(self, *given))
+
+    @cached_property
+    def directly(self) -> Callable[[str], DirectCalls]:
+        """Return the shortest calls of a kernel at one state, by its name."""
+        return lru_cache(maxsize=None)(partial(DirectCalls, self.coordinates, self.charts))
 
     @property
     def kernel(self) -> Callable[[str], Kernel]:
@@ -240,7 +246,7 @@ class Model(SetOnce):
         )
 
     def own(self, state: State) -> State:
-        if getattr(state, "coordinates", None) is not self.coordinates:
+        if not (isinstance(state, State) and state.coordinates is self.coordinates):
             checks.refuse_foreign(state, self.coordinates, self.charts)
             gap = float(self.kernel("closure_step")(state.q)[1].max(initial=0.0))
             if gap > OPEN_LOOPS:

@@ -1,0 +1,55 @@
+"""Directly: a kernel at one state of a robot, asked for from Python, in one call.
+
+Most of what such a question takes is Python: what is given is looked at, copied, handed on, and
+what comes back is looked at again. For one state that is the robot's own, with numbers that are
+plain, all of that is done by the call itself (`kernels.from_python`); what it does not take is
+None, and goes the way on which refusals are told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from linkwork.kernels.from_python import AskedOutputs, Direct, direct
+from linkwork.model import checks
+from linkwork.model.charts import CompiledChart
+from linkwork.model.state import State
+
+
+class DirectCalls(dict[tuple[str, ...], Direct]):
+    """Hold the calls of a kernel (q, v, ..., p) -> (..., results, pivot) by independent rates, from
+    when there is code of it on.
+
+    coordinates: of the robot's own states; charts: by independent rates; name: the kernel's
+    """
+
+    def __init__(
+        self, coordinates: tuple[str, ...], charts: Mapping[Any, CompiledChart], name: str
+    ):
+        super().__init__()
+        self._coordinates, self._charts, self._name = coordinates, charts, name
+
+    def at(self, state: State, *given: object) -> np.ndarray | None:
+        """Return the results (n) at one state, if all is plain and they are sound; else None."""
+        try:
+            own, independent = state.coordinates is self._coordinates, state.independent
+            q, v = state.q, state.rates
+        except AttributeError:  # no state
+            return None
+        return self[independent](q, v, *given) if own else None
+
+    def __missing__(self, independent: tuple[str, ...]) -> Direct:
+        chart = self._charts.get(independent)
+        if chart is None or not (kernel := chart.kernel(self._name)).has_code:
+            return left_to_others
+        sizes, results = [size for _, size in kernel.inputs[:-1]], kernel.outputs[-2][1]
+        asked = AskedOutputs(kernel.n_out - 1 - results, (results,), checks.PIVOT_BOUND)
+        call = self[independent] = direct(kernel, sizes, chart.p, asked)
+        return call
+
+
+def left_to_others(*_: object) -> None:
+    """Take nothing: others do it."""

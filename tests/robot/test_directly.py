@@ -1,0 +1,127 @@
+"""One state asked for straight from Python: the same bits and the same refusals as on the long
+way."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.model.directly import DirectCalls
+from linkwork.model.state import State
+
+from tests.robot.test_hostile_calls import HOSTILE
+from tests.robot.test_refusals import slider_driven
+
+Asked = Callable[[lw.Robot, Any, Any], np.ndarray]
+CALLS: dict[str, Asked] = {
+    "forward": lambda robot, state, given: robot.forward_dynamics(state, given),
+    "inverse": lambda robot, state, given: robot.inverse_dynamics(state, given),
+}
+U = np.array([1.0, -2.0, 0.5])
+GIVEN = {
+    "array": U,
+    "list": U.tolist(),
+    "tuple": (*U,),
+    "integers": [1, -2, 3],
+    "mixed": (1, 2.5, 3),
+    "names": {"slide_2": 2.0},
+    "huge": [10**30, 1, 2],
+    "too huge": [10**400, 1, 2],
+    "true": [True, 1.0, 2.0],
+    "nan": np.array([1.0, np.nan, 2.0]),
+    "nan in a list": [1.0, np.nan, 2.0],
+    "inf": [np.inf, 1.0, 2.0],
+    "single": U.astype(np.float32),
+    "gaps": np.repeat(U, 2)[::2],
+    "reversed": U[::-1],
+    "big endian": U.astype(">f8"),
+    "row": U[None],
+    "stack": np.ones((4, 3)),
+    "short": U[:2],
+    "long": np.ones(4),
+    "empty": [],
+    "texts": ["1", "2", "3"],
+    "matrix": np.asmatrix(U),
+    "masked": np.ma.array(U),
+    **{f"hostile: {name}": value for name, value in HOSTILE.items()},
+}
+
+
+def moving(robot: lw.Robot) -> State:
+    """Return a state that moves, of a robot that has code."""
+    for name in ("motion", "inverse_dynamics"):
+        assert robot.kernel(name).address
+    return robot.home.with_rates(np.linspace(0.1, 0.3, robot.mobility))
+
+
+@pytest.fixture(scope="module")
+def robot() -> lw.Robot:
+    robot = lw.Robot("prr3").free("platform.mass")
+    state = moving(robot)
+    for name in ("motion", "inverse_dynamics"):
+        assert robot.directly(name).at(state, U) is not None
+    return robot
+
+
+def outcome(call: Asked, *given: Any) -> str | bytes:
+    """Return the bits of a result, or the sentence of a refusal."""
+    try:
+        found = call(*given)
+    except lw.LinkworkError as error:
+        return f"{type(error).__name__}: {error}"
+    return str(found.shape).encode() + found.tobytes()
+
+
+def both(monkeypatch: pytest.MonkeyPatch, *given: Any) -> tuple[str | bytes, str | bytes]:
+    """Return what comes of a call, straight and on the long way."""
+    straight = outcome(*given)
+    with monkeypatch.context() as patch:
+        patch.setattr(DirectCalls, "at", lambda *_: None)
+        return straight, outcome(*given)
+
+
+@pytest.mark.parametrize("name", GIVEN)
+@pytest.mark.parametrize("call", CALLS)
+def test_what_is_given_is_answered_or_refused_alike(robot, monkeypatch, call, name):
+    straight, long = both(monkeypatch, CALLS[call], robot, moving(robot), GIVEN[name])
+    assert straight == long
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_states_are_answered_or_refused_alike(robot, monkeypatch, call):
+    state, other = moving(robot), lw.Robot("five_bar")
+    heavier = robot.with_parameters({"platform.mass": 2 * robot.parameters["platform.mass"]})
+    told = robot.in_chart(state, ("slide_1", "slide_2", "pivot_1"))
+    named = state.coordinates, state.independent
+    states: dict[str, Any] = {
+        "its own": state,
+        "pickled": pickle.loads(pickle.dumps(state)),
+        "a stack": robot.state(np.array([state.positions] * 3)),
+        "one of a stack": robot.state(np.array([state.positions] * 3)).at(1),
+        "another robot's": other.home,
+        "of other free numbers": heavier.home,
+        "in other rates": told,
+        "no number": State(state.positions, state.rates * np.nan, state.q, *named),
+        "too short": State(state.positions, state.rates[:2], state.q, *named),
+        "the robot": robot,
+        "nothing": None,
+    }
+    for which in (robot, heavier, pickle.loads(pickle.dumps(robot))):
+        for name, given in states.items():
+            straight, long = both(monkeypatch, CALLS[call], which, given, U)
+            assert straight == long, name
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_singular_configurations_are_refused_alike(monkeypatch, call):
+    """Where crank and rod are stretched the slider's rate does not determine the others."""
+    robot = slider_driven()
+    moving(robot)
+    stretched = robot.state({"crank": 0, "knee": 0, "pin": 0, "slide": 2})
+    straight, long = both(monkeypatch, CALLS[call], robot, stretched, [1.0])
+    assert straight == long and "is singular" in str(straight)
