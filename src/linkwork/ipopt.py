@@ -90,7 +90,11 @@ class BestYet(ca.Callback):
 @dataclass(frozen=True, eq=False)
 class Programme:
     """Hold a nonlinear programme: symbols x, f and g of them, bounds and a start, and how much the
-    barrier weighs there."""
+    barrier weighs there.
+
+    slopes: (x, p) -> g, g_x and (x, p, weight of f, weights of g) -> the upper triangle of the
+        second derivative of what they weigh; differentiated if left out
+    """
 
     x: ca.MX
     f: ca.MX
@@ -99,6 +103,7 @@ class Programme:
     bounds: tuple[np.ndarray, np.ndarray]
     g_bounds: tuple[np.ndarray, np.ndarray]
     barrier: float = 0.1
+    slopes: tuple[ca.Function, ca.Function] | None = None
 
     def unmoved(self, among: int) -> np.ndarray:
         """Return which of the first unknowns move neither f nor g at the start."""
@@ -120,6 +125,9 @@ class Programme:
         # IPOPT from the start, under the clock where there is one.
         options = {**QUIET, "ipopt.tol": TOLERANCE, "ipopt.max_iter": steps}
         options["ipopt.mu_init"] = self.barrier
+        if self.slopes is not None:
+            options |= dict(zip(("jac_g", "hess_lag"), self.slopes, strict=True))
+            options["no_nlp_grad"] = True
         best = BestYet(self, seconds) if seconds < inf else None
         if best is not None:
             options["iteration_callback"] = best
@@ -155,7 +163,11 @@ class Programme:
     def _slope(self) -> ca.Function:
         """(x, multipliers of g) -> grad f + g_x' lambda."""
         weights = ca.MX.sym("weights", self.g.numel())
-        slope = ca.gradient(self.f, self.x) + ca.jtimes(self.g, self.x, weights, True)
+        if self.slopes is None:
+            steep = ca.jtimes(self.g, self.x, weights, True)
+        else:
+            steep = ca.mtimes(self.slopes[0](self.x, ca.MX(0, 1))[1].T, weights)
+        slope = ca.gradient(self.f, self.x) + steep
         return ca.Function("slope", [self.x, weights], [slope])
 
     def stationarity(self, x: np.ndarray, of_x: ca.DM, of_g: ca.DM) -> float:

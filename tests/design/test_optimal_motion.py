@@ -8,12 +8,14 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 import linkwork as lw
-from linkwork import design, motions
+from linkwork import design, ipopt, motions
 from linkwork.design import _optimal_motion
 from linkwork.design.collocation import MotionMesh
+from linkwork.design.motion_points import Closing, MotionPoints
+from linkwork.design.motion_search import MotionSearch
 from linkwork.ipopt import NoOptimumError
 
-from tests.catalogue import built
+from tests.catalogue import WHOLE, built
 
 MASS, FORCE, WAY = 2.0, 5.0, 0.6
 
@@ -138,14 +140,16 @@ def test_a_pole_is_swung_up_by_its_cart():
     assert np.abs(values).max() <= 10.0 and found.duration < 2.0
 
 
-@pytest.mark.parametrize("name", ["five_bar", "delta"])
+@pytest.mark.parametrize("name", ["five_bar", "delta", *["hexaglide"] * WHOLE])
 def test_robots_with_loops(name):
     """Faster than the fastest straight way of their joints, with all limits kept in the run."""
     robot = built(name)
     home = robot.tool_pose(robot.home)[: len(robot.actuators)]
-    step = np.array([0.1, 0.05, 0.04])[: home.size]
+    step = np.array([0.1, 0.05, 0.04, 0.1, 0.05, 0.1])[: home.size]
     start, end = robot.assemble(tool=home - step / 2), robot.assemble(tool=home + step)
-    limits = motions.ActuatorLimits(force=4.0 if name == "five_bar" else 60.0)
+    limits = motions.ActuatorLimits(
+        force={"five_bar": 4.0, "delta": 60.0, "hexaglide": 400.0}[name]
+    )
     found = design.optimal_motion(robot, start, end, limits, intervals=12)
     first, last = ({n: float(each[n]) for n in robot.actuators} for each in (start, end))
     path = motions.point_to_point(first, last, motions.AxisLimits(speed=1.0), law="quintic")
@@ -162,21 +166,26 @@ def test_a_search_that_ends_early_says_so():
     robot = built("five_bar")
     end = robot.assemble(tool=robot.tool_pose(robot.home)[:2] + [0.1, 0.05])  # noqa: RUF005
     limits = motions.ActuatorLimits(force=4.0)
-    mesh = MotionMesh(robot, 12)
-    timed = _optimal_motion.straight(robot, (robot.home, end), limits)
-    guess = _optimal_motion.guessed(mesh, (robot.home, end), limits, timed, 1.0)
-    given = mesh, (robot.home, end), limits, guess, None, 0.05
-    best, T, _ = _optimal_motion.solved(*given, 60.0)
+    ends = robot.home, end
+    timed = _optimal_motion.straight(robot, ends, limits)
+
+    def search(seconds):
+        until = ipopt.thread_time() + seconds
+        return MotionSearch(robot, ends, limits, timed, 12, 0.05, until)
+
+    guess = search(0.0).guess
+    best, own = search(60.0).solved(guess, True)
     with pytest.raises(
         NoOptimumError, match=r"is found in 0 s .*: the constraints are not kept yet"
     ):
-        _optimal_motion.solved(*given, 0.0)
+        search(0.0).solved(guess, True)
     clock = iter(range(100))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("linkwork.ipopt.thread_time", lambda: next(clock))
-        found, longer, _ = _optimal_motion.solved(*given, best.steps - 1.0)
+        for module in ("linkwork.ipopt", "linkwork.design.motion_search"):
+            patch.setattr(f"{module}.thread_time", lambda: next(clock))
+        found, longer = search(best.steps - 1.0).solved(guess, True)
     assert best.settled and not found.settled and found.steps <= best.steps
-    assert T * (1 - 1e-6) < longer < 1.5 * T and found.violation < 1e-6
+    assert own.T * (1 - 1e-6) < longer.T < 1.5 * own.T and found.violation < 1e-6
 
 
 def test_power_and_acceleration_are_limited():
@@ -211,7 +220,7 @@ def test_bad_input_is_refused(cart, ends):
         (
             (cart, *ends, limits),
             {"minimise": "effort", "duration": 0.2},
-            "no motion within all limits is found",
+            r"is found in 0\.2 s: the least time that is found is 0\.97979\d s; give a longer",
         ),
         ((flipped, flipped.home, other, limits), {}, "lies between them"),
         ((cart, *ends, motions.ActuatorLimits(force=1.0, jerk=9.0)), {}, "which limits it"),
@@ -232,16 +241,39 @@ def test_bad_input_is_refused(cart, ends):
             design.optimal_motion(*given, **more)
 
 
+@pytest.mark.parametrize("name", ["five_bar", "prr3"])
+def test_derivatives_at_points_are_those_of_closed_loops(name):
+    """Central differences of values and slopes with loops that are closed anew."""
+    robot, rng = built(name), np.random.default_rng(5)
+    n, m = robot.mobility, len(robot.actuators)
+    limits = motions.ActuatorLimits(force=4.0, speed=3.0, power=5.0, acceleration=60.0)
+    points = MotionPoints(robot, limits, robot.home, 0.05, np.full(n, 2.0))
+    closing = Closing(points, robot.home.q[:, None])
+    x = rng.uniform(-1, 1, points.width)
+    x[:n] = robot.home.q[points.given] + 0.05 * x[:n]
+    weights = rng.uniform(-1, 1, points.value.numel_out())
+
+    def at(f, x, *more):
+        return f(closing(x[:n]), x, *more).full()
+
+    slope, bend = at(points.slope, x), at(points.bend, x, weights)
+    step = 1e-5 * np.eye(points.width)
+    for f, found in ((points.value, slope), (lambda *y: points.slope(*y).T @ weights, bend)):
+        moved = [(at(f, x + d) - at(f, x - d)) / 2e-5 for d in step]
+        np.testing.assert_allclose(found, np.hstack(moved), atol=1e-7 * np.abs(found).max())
+    assert len(slope) > n + 6 * m and np.abs(bend[: 2 * n, :n]).max() > 1e-3
+
+
 def test_the_order_of_the_mesh():
     """What is zero along a motion falls with the fourth power of the width for an exact one."""
     robot, T, found = built("pendulum"), 0.8, []
     for intervals in (8, 16):
-        mesh = MotionMesh(robot, intervals)
-        times, place = np.unique(np.round(mesh.times * T, 12), return_inverse=True)
+        mesh = MotionMesh(intervals)
+        times, place = np.unique(np.round(mesh.nodes * T, 12), return_inverse=True)
         begin = robot.state([0.3])
         run = robot.simulate(begin, [0.2], duration=T, rtol=1e-13, atol=1e-14, save_at=times)
-        y = np.stack([run["joint_position"].values[:, 0], run["joint_rate"].values[:, 0]])
-        own, forces = ca.MX(y[:, place]), ca.MX(np.full((1, intervals), 0.2))
-        zero = ca.vertcat(*map(ca.vec, mesh.equations(own, forces, T)))
+        a, v = run["joint_position"].values[place].T, run["joint_rate"].values[place].T
+        w = robot.forward_dynamics(robot.state(a.T, v.T), [0.2]).T[:, mesh.places]
+        zero = ca.vertcat(*map(ca.vec, mesh.equations(*map(ca.MX, (a, v, w)), T)))
         found.append(np.abs(ca.evalf(zero).full()).max())
     assert 12 < found[0] / found[1] < 20 and found[1] < 2e-4

@@ -3,9 +3,10 @@ actuators give.
 
     min T    or    min integral of u'u dt,    (q, v)' = f(q, v, u),    |u| <= U, ...
 
-by collocation (`collocation`) and IPOPT. The loops are closed in f: there are no multipliers. What
-is found is a local optimum of the mesh, whose forces are then given to the robot: its integrator,
-which knows nothing of the mesh, tells where it ends. Along a given way the law of the least time
+by collocation (`collocation`) of what holds at its points (`motion_points`) and IPOPT
+(`motion_search`). The loops are closed at each point: there are no multipliers. What is found is a
+local optimum of the mesh, whose forces are then given to the robot: its integrator, which knows
+nothing of the mesh, tells where it ends. Along a given way the law of the least time
 is a convex problem, which `motions.fastest` solves as a whole; it is the guess here.
 """
 
@@ -16,27 +17,22 @@ from dataclasses import dataclass
 from time import thread_time
 from typing import Literal
 
-import casadi as ca
 import numpy as np
 
 from linkwork import checks
-from linkwork.design.collocation import MotionMesh, determinant
+from linkwork.design.motion_points import determinant
+from linkwork.design.motion_search import MotionSearch
 from linkwork.errors import LinkworkError, ModelWarning
-from linkwork.export.implicit import require_coordinates
-from linkwork.ipopt import LocalOptimum, NoOptimumError, Programme
 from linkwork.mechanism.limits import undriven_speeds
 from linkwork.model.state import State
-from linkwork.motions import ActuatorLimits, AxisLimits, TimedPath, fastest, follow, point_to_point
+from linkwork.motions import ActuatorLimits, AxisLimits, TimedPath, fastest, point_to_point
 from linkwork.patience import announced
 from linkwork.robot import Robot
 from linkwork.simulation import Run, Sampled
 
-STEPS = 1000
 LEAST, MOST = 4, 1000  # intervals
 MISSED = 1e-3  # in own units, by which the robot may end elsewhere
-SHORTEST = 1e-3  # duration that is tried, over that of the guess
 SLOWEST = 4.0  # duration over that of a motion at the limits of force, of a guess without them
-STRETCHED = (1.0, 2.0, 4.0)  # by which the guess is slowed where nothing is found from it
 ROUNDING = 1e-9  # of a speed at its limit
 FINE = 20  # points in an interval at which the run is looked at
 
@@ -109,16 +105,16 @@ def optimal_motion(
         guess: a timed path of the independent coordinates; the fastest straight way of these if
             left out.
         search_time: of one processor [s], after which the search ends, and returns what keeps all
-            limits and was the best so far as not settled, with a warning. A step takes milliseconds
-            for two freedoms, and a second or more for six.
+            limits and was the best so far as not settled, with a warning.
 
     Returns:
         An `OptimalMotion`, a local optimum on its mesh: other ways may be shorter.
 
     Raises:
         LinkworkError: states on two sides of a singular pose, or above a limit of speed; a rate
-            without a coordinate; an actuator that nothing limits, for the least time; no optimum
-            found, and why; forces that lead the robot elsewhere, for the mesh is too coarse.
+            without a coordinate; an actuator that nothing limits, for the least time; a duration
+            below the least time that is found; no optimum found, and why; forces that lead the
+            robot elsewhere, for the mesh is too coarse.
 
     Warns:
         ModelWarning: a motion that is not settled.
@@ -146,13 +142,13 @@ def optimal_motion(
         refuse_unlimited(robot, limits)
     seconds = checks.positive(search_time, "the search time", "s")
     # The programme from a guess, and the robot under the forces that are found.
-    mesh = MotionMesh(robot, count)
     if not (guess is None or isinstance(guess, TimedPath)):
         raise LinkworkError(
             f"the guess is {checks.shown(guess)}; give a timed path made by linkwork.motions"
         )
     timed = straight(robot, ends, limits) if guess is None else guess
-    found, T, u = tried(mesh, ends, limits, timed, duration, apart, seconds)
+    search = MotionSearch(robot, ends, limits, timed, count, apart, thread_time() + seconds)
+    found, own = search.quickest() if duration is None else search.gentlest(duration)
     if not found.settled:
         warnings.warn(
             f"the motion keeps all limits, but is not settled after {seconds:.3g} s (stationarity "
@@ -160,12 +156,12 @@ def optimal_motion(
             ModelWarning,
             stacklevel=3,
         )
-    times = np.linspace(0.0, T, count + 1)
-    forces = Sampled(times, np.vstack([u.T, u[:, -1]]), "hold")
+    T, times = own.T, np.linspace(0.0, own.T, count + 1)
+    forces = Sampled(times, np.vstack([own.u.T, own.u[:, -1]]), "hold")
     run, missed = simulated(robot, ends, forces, T)
     return OptimalMotion(
         T,
-        T if minimise == "time" else found.value,
+        T if minimise == "time" else float((own.u**2).sum() * T / count),
         minimise,
         forces,
         run,
@@ -175,110 +171,6 @@ def optimal_motion(
         found.stationarity,
         found.settled,
     )
-
-
-def tried(
-    mesh: MotionMesh,
-    ends: tuple[State, State],
-    limits: ActuatorLimits,
-    timed: TimedPath,
-    duration: float | None,
-    apart: float,
-    seconds: float,
-) -> tuple[LocalOptimum, float, np.ndarray]:
-    """Return what is found within some seconds from a guess, or else from slower ones."""
-    *others, last = STRETCHED
-    until = thread_time() + seconds
-
-    def attempt(factor: float) -> tuple[LocalOptimum, float, np.ndarray]:
-        guess = guessed(mesh, ends, limits, timed, factor)
-        return solved(mesh, ends, limits, guess, duration, apart, until - thread_time())
-
-    for factor in others:
-        try:
-            return attempt(factor)
-        except NoOptimumError:
-            if thread_time() > until:
-                raise
-    return attempt(last)
-
-
-def solved(
-    mesh: MotionMesh,
-    ends: tuple[State, State],
-    limits: ActuatorLimits,
-    guess: tuple[float, np.ndarray, np.ndarray],
-    duration: float | None,
-    apart: float,
-    seconds: float,
-) -> tuple[LocalOptimum, float, np.ndarray]:
-    """Return the local optimum, its duration, and its forces (actuators, intervals)."""
-    robot, (T_guess, y_guess, u_guess) = mesh.robot, guess
-    y, u = ca.MX.sym("y", *y_guess.shape), ca.MX.sym("u", *u_guess.shape)
-    free = duration is None
-    share = ca.MX.sym("share", int(free))  # of the guessed duration
-    T = T_guess * share if free else ca.MX(duration)
-    # All of q at the begin, the independent coordinates at the end: loops stay closed.
-    nq, given = robot.equations.nq, require_coordinates(robot, robot.equations)
-    start, end = ends
-    held = [
-        *mesh.equations(y, u, T),
-        y[:, 0] - ca.DM(np.concatenate([start.q, start.rates])),
-        y[given, -1] - ca.DM(end.q[given]),
-        y[nq:, -1] - ca.DM(end.rates),
-    ]
-    # Limits at all points, with the forces of their intervals.
-    which = np.append(np.repeat(np.arange(mesh.intervals), len(mesh.parts)), mesh.intervals - 1)
-    margins = mesh.margins(limits, start, apart).map(len(which))
-    kept = ca.vec(margins(y[:nq, :], y[nq:, :], u[:, which.tolist()]))
-    g, count = ca.vertcat(*map(ca.vec, held), kept), sum(part.numel() for part in held)
-    most = np.tile(limits.of(robot.actuators)["force"], mesh.intervals)
-    still = np.full(y_guess.size, np.inf)
-    programme = Programme(
-        ca.vertcat(share, ca.vec(u), ca.vec(y)),
-        ca.sum1(share) if free else ca.sumsqr(u) * duration / mesh.intervals,
-        g,
-        np.concatenate([[1.0] * free, u_guess.ravel(order="F"), y_guess.ravel(order="F")]),
-        (
-            np.concatenate([[SHORTEST] * free, -most, -still]),
-            np.concatenate([[np.inf] * free, most, still]),
-        ),
-        (
-            np.zeros(g.numel()),
-            np.concatenate([np.zeros(count), np.full(kept.numel(), np.inf)]),
-        ),
-    )
-    found = programme.solve("motion within all limits", STEPS, max(seconds, 0.0))
-    time = float(T_guess * found.x[0]) if free else float(duration or 0.0)
-    forces = found.x[int(free) : int(free) + u_guess.size].reshape(u_guess.shape, order="F")
-    return (
-        found,
-        time,
-        np.clip(forces, *(k * most.reshape(u_guess.shape, order="F") for k in (-1, 1))),
-    )
-
-
-def guessed(
-    mesh: MotionMesh,
-    ends: tuple[State, State],
-    limits: ActuatorLimits,
-    path: TimedPath,
-    factor: float,
-) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return a duration, states (nq + n, points) and forces (actuators, intervals) to begin with:
-    those along a timed path, slowed by a factor."""
-    robot, timed = mesh.robot, TimedPath(path.path, factor * path.duration, path.names)
-    motion = follow(robot, timed, samples=20 * mesh.intervals + 1, guess=ends[0], keep_limits=False)
-    rows = np.hstack([motion.state.q, motion.state.rates]).T
-    y = np.array([np.interp(mesh.times * timed.duration, motion.time, row) for row in rows])
-    u = np.zeros((len(robot.actuators), mesh.intervals))
-    if robot.actuators == robot.independent:
-        middles = (np.arange(mesh.intervals) + 0.5) / mesh.intervals * timed.duration
-        forces = np.array(robot.inverse_dynamics(motion)).T
-        most = limits.of(robot.actuators)["force"][:, None]
-        u = np.array([np.interp(middles, motion.time, row) for row in forces])
-        u = np.clip(u, -most, most)
-    return float(timed.duration), y, u
 
 
 def straight(robot: Robot, ends: tuple[State, State], limits: ActuatorLimits) -> TimedPath:

@@ -1,42 +1,63 @@
 """Collocation: the motion of a robot between two states as equations of its states at points of
 time.
 
-In each of N intervals of the time T the state y = (q, v) is a polynomial of degree d that keeps
-y' = f(y, u) at d points of Radau's, with forces u that are constant there:
+In each of N intervals of the time T the coordinates a and rates v are polynomials of degree d that
+keep a' = v, v' = w at d points of Radau's, where the accelerations w are those of the robot
+(`motion_points`) under forces u that are constant in the interval:
 
-    sum_j C_ji y_j = (T / N) f(y_i, u_k),    y at the end of interval k = y at the begin of k + 1
+    sum_j C_ji a_j = (T / N) v_i,    sum_j C_ji v_j = (T / N) w_i,    i = 1 ... d
 
 The order is 2 d - 1. Forces that are constant in intervals are what a sampled controller holds.
+Unknowns are over sizes of their own, so that all are about one.
 
 Source: Betts 2010, Practical Methods for Optimal Control, ch. 4; Hairer & Wanner 1996, IV.5.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from linkwork.analysis.square import of_joints
-from linkwork.design.judged_poses import joint_margins
-from linkwork.equations import functions
-from linkwork.errors import LinkworkError
-from linkwork.mechanism.limits import undriven_speeds
-from linkwork.model.state import State
-from linkwork.motions import ActuatorLimits
-from linkwork.robot import Robot
+from linkwork.design.motion_points import Closing, MotionPoints
+from linkwork.ipopt import Programme
 
 DEGREE = 3
+LEAST = 1e-4  # square of forces over their sizes, of a guess
+SHORTEST = 1e-3  # duration that is tried, over that of the guess
+
+
+class MotionGuess(NamedTuple):
+    """Hold a motion on a mesh: its duration T [s], and, each column by column, q and (a, v) at the
+    nodes, w at the points, u in the intervals."""
+
+    T: float
+    q: np.ndarray
+    y: np.ndarray
+    w: np.ndarray
+    u: np.ndarray
+
+    @property
+    def parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return self.u, self.y, self.w
+
+    def lasting(self, T: float) -> MotionGuess:
+        """Return the same way, gone in another time, with the same forces."""
+        n, quicker = len(self.w), self.T / T
+        y = np.vstack([self.y[:n], quicker * self.y[n:]])
+        return self._replace(T=T, y=y, w=quicker**2 * self.w)
 
 
 @dataclass(frozen=True, eq=False)
 class MotionMesh:
-    """Hold the mesh of a robot's motion: points (intervals * (degree + 1) + 1), the first of each
-    interval at its begin, the last one at the end."""
+    """Hold the mesh of a motion: nodes, DEGREE in each interval and the end, at which states are
+    unknown, and points, DEGREE + 1 in each interval, the first at its begin, at which the robot is
+    asked. The last point of an interval is at the node at which the next one begins."""
 
-    robot: Robot
     intervals: int
 
     @cached_property
@@ -45,88 +66,183 @@ class MotionMesh:
         return np.array([0.0, *ca.collocation_points(DEGREE, "radau")])
 
     @property
-    def times(self) -> np.ndarray:
-        """Times of all points over T."""
-        inside = np.arange(self.intervals)[:, None] + self.parts
+    def nodes(self) -> np.ndarray:
+        """Times of all nodes over T."""
+        inside = np.arange(self.intervals)[:, None] + self.parts[:-1]
         return np.append(inside.ravel() / self.intervals, 1.0)
 
     @property
-    def begins(self) -> np.ndarray:
-        """Places of the begins of intervals, and of the end, among the points."""
-        return np.arange(self.intervals + 1) * (DEGREE + 1)
+    def times(self) -> np.ndarray:
+        """Times of all points over T."""
+        return ((np.arange(self.intervals)[:, None] + self.parts) / self.intervals).ravel()
 
-    def equations(self, y: ca.MX, u: ca.MX, T: ca.MX | float) -> list[ca.MX]:
-        """Return what is zero along a motion."""
-        C, D, _ = ca.collocation_coeff(list(self.parts[1:]))
-        f, nq, found = self.rate.map(DEGREE), self.robot.equations.nq, []
-        for k, first in enumerate(self.begins[:-1]):
-            own = y[:, first : first + DEGREE + 1]
-            forces = ca.repmat(u[:, k], 1, DEGREE)
-            rates = f(own[:nq, 1:], own[nq:, 1:], forces)
-            found.append(ca.vec(own @ C - T / self.intervals * rates))
-            found.append(y[:, first + DEGREE + 1] - own @ D)
-        return found
+    @property
+    def places(self) -> np.ndarray:
+        """The node of each point."""
+        first = np.arange(self.intervals)[:, None] * DEGREE
+        return (first + np.arange(DEGREE + 1)).ravel()
+
+    @property
+    def pieces(self) -> np.ndarray:
+        """The interval of each point."""
+        return np.repeat(np.arange(self.intervals), DEGREE + 1)
+
+    def equations(self, a: ca.MX, v: ca.MX, w: ca.MX, T: ca.MX | float) -> list[ca.MX]:
+        """Return what is zero along a motion with coordinates and rates at the nodes and
+        accelerations at the points."""
+        C, _, _ = ca.collocation_coeff(list(self.parts[1:]))
+        slopes = ca.kron(ca.DM.eye(self.intervals), ca.sparsify(C))
+        places = self.places.tolist()
+        inner = [k for k in range(len(places)) if k % (DEGREE + 1)]
+        h, own = T / self.intervals, [places[k] for k in inner]
+        return [
+            ca.mtimes(a[:, places], slopes) - h * v[:, own],
+            ca.mtimes(v[:, places], slopes) - h * w[:, inner],
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class MotionProgramme:
+    """Hold the unknowns of a motion over their sizes: share of the guessed duration, none where it
+    is held, u (actuators x intervals), y = (a, v) (2 n x nodes) and w (n x points); and what is
+    asked of them, with its derivatives.
+
+    ends: (a, v) at the start and at the end; own: sizes of a (n) and of u; quick: whether the
+        duration is minimised, or else the effort
+    """
+
+    mesh: MotionMesh
+    points: MotionPoints
+    guess: MotionGuess
+    ends: tuple[np.ndarray, np.ndarray]
+    own: tuple[np.ndarray, np.ndarray]
+    quick: bool
 
     @cached_property
-    def rate(self) -> ca.Function:
-        """(q, v, u) -> y'."""
-        equations, p = self.robot.equations, ca.DM(self.robot.p)
-        motion = functions.motion(equations)
-        q, v = ca.SX.sym("q", equations.nq), ca.SX.sym("v", equations.mobility)
-        u = ca.SX.sym("u", len(self.robot.actuators))
-        found = motion(q, v, u, p)
-        return ca.Function("rate", [q, v, u], [ca.vertcat(*found[:2])], {"cse": True})
+    def sizes(self) -> np.ndarray:
+        """Sizes of the numbers of a point: a, v, w, u."""
+        (way, forces), T = self.own, self.guess.T
+        return np.concatenate([way, way / T, way / T**2, forces])
 
-    def margins(self, limits: ActuatorLimits, start: State, apart: float) -> ca.Function:
-        """Return (q, v, u) -> what is not negative within limits, far enough from singular poses
-        and within the ranges of joints."""
-        robot, equations, p = self.robot, self.robot.equations, ca.DM(self.robot.p)
-        q, v = ca.SX.sym("q", equations.nq), ca.SX.sym("v", equations.mobility)
-        u = ca.SX.sym("u", len(robot.actuators))
-        # Rates and accelerations of the actuators, over their limits, both ways.
-        given, found = limits.of_robot(robot), []
-        r = functions.actuation(equations)(q, p)[0] @ v
-        shares = {"speed": r, "power": u * r}
-        if np.isfinite(given["acceleration"]).any():
-            places = [robot.rates.index(name) for name in driven(robot)]
-            moved = functions.joints_motion(equations)(q, v, self.rate(q, v, u)[-v.numel() :], p)
-            shares["acceleration"] = moved[2][places]
-        for kind, value in shares.items():
-            for k in np.flatnonzero(np.isfinite(given[kind])).tolist():
-                found += [1 - value[k] / given[kind][k], 1 + value[k] / given[kind][k]]
-        found += speed_margins(robot, functions.joints_motion(equations)(q, v, 0 * v, p)[1])
-        # Apart from where the independent rates cease to determine the motion.
-        D = determinant(robot)
-        if D is not None:
-            here = float(D(start.q, p))
-            found.append(D(q, p) / here - apart)
-        found += joint_margins(robot, q, ca.SX(p))
-        return ca.Function("margins", [q, v, u], [ca.vertcat(ca.SX(0, 1), *found)], {"cse": True})
+    def split(self, parts: Sequence[np.ndarray], power: int) -> list[np.ndarray]:
+        """Return u, y, w times a power of their sizes."""
+        n = self.points.held
+        own = self.sizes[3 * n :], self.sizes[: 2 * n], self.sizes[2 * n : 3 * n]
+        return [part * size[:, None] ** power for part, size in zip(parts, own, strict=True)]
 
+    @cached_property
+    def parts(self) -> tuple[ca.MX, ...]:
+        """Symbols share, u, y, w."""
+        shapes = [(int(self.quick), 1), *(part.shape for part in self.guess.parts)]
+        return tuple(ca.MX.sym("x", *shape) for shape in shapes)
 
-def speed_margins(robot: Robot, rates: ca.SX) -> list[ca.SX]:
-    """Return 1 - |w|^2 / V^2 of what is no actuator and has a limit of speed in the description."""
-    return [
-        1 - ca.sumsqr(rates[[robot.rates.index(label) for label in labels]]) / speed**2
-        for labels, speed in undriven_speeds(robot.mechanism)
-    ]
+    @cached_property
+    def x(self) -> ca.MX:
+        return ca.vertcat(*map(ca.vec, self.parts))
 
+    @cached_property
+    def start(self) -> np.ndarray:
+        """The guess, as x."""
+        flat = [part.ravel(order="F") for part in self.split(self.guess.parts, -1)]
+        return np.concatenate([np.ones(int(self.quick)), *flat])
 
-def determinant(robot: Robot) -> ca.Function | None:
-    """Return (q, p) -> the determinant of loops and independent rates, over that at the reference;
-    None where it is constant."""
-    D = of_joints(robot, robot.independent).determinant
-    if D.is_constant():
-        return None
-    return ca.Function("determinant", [robot.equations.tree.q, robot.equations.p], [D])
+    @cached_property
+    def at_points(self) -> ca.DM:
+        """What x is multiplied by to be what the points are asked at (width x points, column by
+        column)."""
+        n, mesh = self.points.held, self.mesh
+        begins = np.cumsum([part.numel() for part in self.parts])
+        count, m = len(mesh.places), len(self.guess.u)
+        columns = [
+            begins[1] + 2 * n * mesh.places[:, None] + np.arange(2 * n),
+            begins[2] + n * np.arange(count)[:, None] + np.arange(n),
+            begins[0] + m * mesh.pieces[:, None] + np.arange(m),
+        ]
+        flat = np.hstack(columns).ravel()
+        rows = np.arange(flat.size).tolist()
+        values = ca.DM(np.tile(self.sizes, count))
+        return ca.DM.triplet(rows, flat.tolist(), values, len(rows), int(begins[3]))
 
+    @cached_property
+    def closing(self) -> Closing:
+        return Closing(self.points, self.guess.q)
 
-def driven(robot: Robot) -> tuple[str, ...]:
-    """Return the actuators; refuse those without a rate of their own."""
-    strange = [name for name in robot.actuators if name not in robot.rates]
-    if strange:
-        raise LinkworkError(
-            f"the actuator {strange[0]!r} has no coordinate of its own whose acceleration could be "
-            "limited; limit its force"
+    @cached_property
+    def asked(self) -> tuple[ca.MX, ca.MX]:
+        """q (nq) and (a, v, w, u) at the points."""
+        n = self.points.held
+        X = ca.reshape(ca.mtimes(self.at_points, self.x), self.points.width, -1)
+        a = ca.diag(self.sizes[:n]) @ self.parts[2][:n, :]
+        return self.closing(a)[:, self.mesh.places.tolist()], X
+
+    @cached_property
+    def along(self) -> ca.MX:
+        """What is zero but for what the robot does: ends, and collocation."""
+        n, (share, _, y, w) = self.points.held, self.parts
+        T = share if share.numel() else 1.0
+        size, (start, end) = self.sizes[: 2 * n], self.ends
+        held = [y[:, 0] - ca.DM(start / size), y[:, -1] - ca.DM(end / size)]
+        held += self.mesh.equations(y[:n, :], y[n:, :], w, T)
+        return ca.vertcat(*map(ca.vec, held))
+
+    @property
+    def effort(self) -> ca.MX:
+        """The mean of u'u, over what the actuators take at least or in the guess."""
+        n, u = self.points.held, self.parts[1]
+        size = max(float((self.guess.u**2).sum(0).mean()), LEAST * (self.own[1] ** 2).sum())
+        return ca.sumsqr(ca.diag(self.sizes[3 * n :]) @ u) / u.shape[1] / size
+
+    def programme(self) -> Programme:
+        """Return the programme that IPOPT solves."""
+        x, points, count = self.x, self.points, len(self.mesh.places)
+        f = ca.sum1(self.parts[0]) if self.quick else self.effort
+        # What holds along the motion, then at each point, and their slopes.
+        q, X = self.asked
+        value, slope, bend = (each.map(count) for each in points.functions)
+        g = ca.vertcat(self.along, ca.vec(value(q, X)))
+        blocks = ca.diagcat(*ca.horzsplit(slope(q, X), points.width))
+        J = ca.vertcat(ca.jacobian(self.along, x), ca.mtimes(blocks, self.at_points))
+        # The second derivative of all that multipliers weigh.
+        weights, first = ca.MX.sym("weights", g.numel()), self.along.numel()
+        of_f, none = ca.MX.sym("of_f"), ca.MX.sym("none", 0)
+        alone = of_f * f + ca.dot(weights[:first], self.along)
+        own = bend(q, X, ca.reshape(weights[first:], -1, count))
+        blocks = ca.diagcat(*ca.horzsplit(own, points.width))
+        H = ca.hessian(alone, x)[0] + ca.mtimes([self.at_points.T, blocks, self.at_points])
+        slopes = (
+            ca.Function("jac_g", [x, none], [g, J]),
+            ca.Function("hess_lag", [x, none, of_f, weights], [ca.triu(H)]),
         )
-    return robot.actuators
+        return Programme(x, f, g, self.start, self.bounds, self.g_bounds(g), slopes=slopes)
+
+    @property
+    def most(self) -> np.ndarray:
+        """Limits of the actuators' forces."""
+        return self.points.limits.of(self.points.robot.actuators)["force"]
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of x: of the share, and of the forces."""
+        n, (share, u, *rest) = self.points.held, self.parts
+        most = np.tile(self.most / self.sizes[3 * n :], u.shape[1])
+        none = np.full(sum(part.numel() for part in rest), np.inf)
+        least, longest = [SHORTEST] * share.numel(), [np.inf] * share.numel()
+        return np.concatenate([least, -most, -none]), np.concatenate([longest, most, none])
+
+    def g_bounds(self, g: ca.MX) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of g: margins are not negative, all else is zero."""
+        first, count = self.along.numel(), len(self.mesh.places)
+        rows = np.zeros((count, (g.numel() - first) // count))
+        rows[:, self.points.held :] = np.inf
+        return np.zeros(g.numel()), np.concatenate([np.zeros(first), rows.ravel()])
+
+    def motion(self, x: np.ndarray) -> MotionGuess:
+        """Return the motion of unknowns, with forces within their limits."""
+        share, *flat = np.split(x, np.cumsum([part.numel() for part in self.parts])[:-1])
+        own = [
+            part.reshape(like.shape, order="F")
+            for part, like in zip(flat, self.guess.parts, strict=True)
+        ]
+        u, y, w = self.split(own, 1)
+        T, most = self.guess.T * (share.item() if self.quick else 1.0), self.most[:, None]
+        return MotionGuess(T, self.closing.q.T, y, w, np.clip(u, -most, most))
