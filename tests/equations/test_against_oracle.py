@@ -16,15 +16,15 @@ from linkwork.mechanism import GROUND, Mechanism
 
 from tests.equations.evaluation import close, values
 from tests.oracle.maximal import MaximalOracle, Poses, Twists
-from tests.oracle.random_joints import random_loops, random_tree, tilted
+from tests.oracle.random_joints import curved, random_loops, random_tree, tilted
 
 CASES = {
     "tree": partial(random_tree, 1, 9, effects=True, gears=1, actuation=-2),
     "large tree": partial(random_tree, 6, 12, effects=True, actuation=-2),
     "planar tree": partial(random_tree, 2, planar=True, effects=True, gears=1),
     "loops": partial(random_loops, 3, 2),
-    "loops with everything": partial(
-        random_loops, 5, 2, effects=True, rods=1, gears=1, freedoms=2, actuation=1
+    "loops with everything": lambda: curved(
+        random_loops(5, 2, effects=True, rods=1, gears=1, freedoms=2, actuation=1)
     ),
     "loop of a screw": partial(
         random_loops, 7, 1, kinds=("screw", "universal", "revolute", "spherical"), effects=True

@@ -347,9 +347,6 @@ LEFT_OUT = {
         "<equality><connect body1='b' anchor='0 0 0' active='false'/></equality>"
     ): "<connect> is left out: it is not active",
     (
-        "<equality><joint joint1='j' polycoef='0 1 2'/></equality>"
-    ): "<joint> is left out: its polynomial is not linear",
-    (
         "<tendon><spatial name='t'><site site='s'/></spatial></tendon>"
     ): "<spatial 't'> is left out: it neither holds nor pulls",
     (

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.formats import load
+from linkwork.formats import load, save
 from linkwork.mechanism import MechanismError
 
 from tests.formats import samples
 from tests.formats.mujoco_side import accelerations, compiled, set_state
+from tests.model_collections import MuJoCoSide, acceleration
 
 SOFT = 1e-4
 """Of MuJoCo's estimate of the inverse inertia; the error of its accelerations is in proportion."""
@@ -164,6 +165,59 @@ def test_a_linear_joint_equality_is_a_gear(one, two, offset, tmp_path):
     set_state(model, data, values, dict.fromkeys(robot.rates, 0.0))
     np.testing.assert_allclose(data.efc_pos, 0, atol=1e-10)
     assert_same_accelerations(mechanism.model_copy(update={"reference": values}), text)
+
+
+CURVES = {
+    "joint": '<joint name="g" joint1="{0}" joint2="{1}" polycoef="0.01 0.3 -0.4 0.5 0.2"/>',
+    "tendons": '<tendon name="g" tendon1="t" tendon2="u" polycoef="0.01 0.3 -0.4 0.5 0.2"/>',
+}
+OF_JOINTS = (
+    '<tendon><fixed name="t"><joint joint="rail" coef="2"/><joint joint="roll" coef="-0.5"/>'
+    '</fixed><fixed name="u"><joint joint="spin" coef="0.7"/></fixed></tendon>'
+)
+
+
+@pytest.mark.parametrize(
+    "curve", [("joint", "rail", "spin"), ("joint", "spin", "rail"), ("tendons",)]
+)
+def test_a_polynomial_equality_is_a_gear_with_powers(curve, tmp_path):
+    """Read, and written again, it moves as exact constraints with MuJoCo's own rows say, whose
+    derivative is that of differences."""
+    equality = CURVES[curve[0]].format(*curve[1:])
+    text = samples.SPATIAL.format(more=OF_JOINTS, equality=equality)
+    imported = read(text, tmp_path)
+    assert not imported.mechanism.caveats
+    assert imported.mechanism.joints["g"].powers
+    robot = lw.Robot(imported.mechanism)
+    save(imported.mechanism, tmp_path / "again.xml")
+    state = robot.home.with_rates(np.random.default_rng(3).normal(size=robot.mobility))
+    unforced = np.zeros(len(robot.actuators))
+    a = robot.joint_accelerations(state, robot.forward_dynamics(state, unforced))
+    found = dict(zip(robot.rates, a, strict=True))
+    values = dict(zip(robot.coordinates, robot.home.positions, strict=True))
+    rates = dict(zip(robot.rates, robot.joint_rates(state), strict=True))
+    for name in ("model.xml", "again.xml"):
+        side = MuJoCoSide(tmp_path / name)
+        set_state(side.model, side.data, values, rates)
+        np.testing.assert_allclose(side.data.efc_pos, 0, atol=1e-10)
+        q, v = side.data.qpos.copy(), side.data.qvel.copy()
+        side.data.qacc[:] = acceleration(side, q, v, robot.mobility)
+        side.data.qpos[:] = q
+        for label, wanted in accelerations(side.model, side.data).items():
+            assert found[label] == pytest.approx(wanted, abs=1e-8)
+
+
+def test_what_a_gear_with_powers_cannot_hold_is_told(tmp_path):
+    """A square of a sum of joints is none of single ones; MJCF ends at the fourth power."""
+    equality = '<tendon name="g" tendon1="u" tendon2="t" polycoef="0 1 2"/>'
+    text = samples.SPATIAL.format(more=OF_JOINTS, equality=equality)
+    (caveat,) = read(text, tmp_path).mechanism.caveats
+    assert "is left out, so that nothing holds its tendons" in caveat
+    fifth = lw.GearJoint(ratios={"rail": 1, "roll": 0}, powers={"roll": (0, 0, 0, 0.1)})
+    free = read(samples.SPATIAL.format(more="", equality=""), tmp_path).mechanism
+    geared = free.model_copy(update={"joints": {**free.joints, "g": fifth}})
+    with pytest.raises(MechanismError, match=r"up to the power 4; write \.yaml"):
+        save(geared, tmp_path / "again.xml")
 
 
 def test_a_joint_equality_of_one_joint_locks_it(tmp_path):

@@ -16,7 +16,7 @@ from linkwork.gradients.compilation import drift, expressed
 
 from tests.catalogue import SAMPLE
 from tests.gradients.complex_step import ComplexSteps, in_complex_numbers
-from tests.oracle.random_joints import random_loops, random_tree
+from tests.oracle.random_joints import curved, random_loops, random_tree
 from tests.robot.test_bearings import journal, slide
 from tests.robot.test_parameters import can_be_free
 
@@ -31,7 +31,7 @@ CASES = {name: getattr(lw.robots, name) for name in lw.robots.__all__} | {
         random_loops, 7, 1, kinds=("screw", "universal", "revolute", "spherical"), effects=True
     ),
     "loop closed by a free joint": partial(random_loops, 8, 1, effects=True, platform="free"),
-    "planar loops": partial(random_loops, 5, 2, planar=True, effects=True, rods=1, gears=1),
+    "planar loops": lambda: curved(random_loops(5, 2, planar=True, effects=True, rods=1, gears=1)),
 }
 RANDOM = [name for name in CASES if name not in lw.robots.__all__]
 FEW = "four_bar", "prr3", "loop closed by a free joint"

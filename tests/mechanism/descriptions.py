@@ -233,7 +233,10 @@ def mechanisms(draw):
     ]
     if len(geared) > 1 and draw(st.booleans()):
         ratios = st.dictionaries(st.sampled_from(geared), positive, min_size=2)
-        joints[next(joint_names)] = draw(st.builds(GearJoint, ratios=ratios, offset=numbers))
+        ratios, powers = draw(ratios), st.tuples(numbers, numbers, numbers)
+        powers = st.dictionaries(st.sampled_from([*ratios]), powers, max_size=1)
+        gear = st.builds(GearJoint, ratios=st.just(ratios), powers=powers, offset=numbers)
+        joints[next(joint_names)] = draw(gear)
     points = st.builds(
         PointSpring,
         connects=two,

@@ -28,8 +28,17 @@ from functools import cached_property, lru_cache
 
 import networkx as nx
 import numpy as np
+from numpy.polynomial import Polynomial
 
-from linkwork.mechanism import GROUND, Friction, Mechanism, PairJoint, RodJoint, Spring
+from linkwork.mechanism import (
+    GROUND,
+    Friction,
+    GearJoint,
+    Mechanism,
+    PairJoint,
+    RodJoint,
+    Spring,
+)
 
 from tests.oracle import pairs
 from tests.oracle.arithmetic import skew
@@ -164,9 +173,7 @@ class MaximalOracle:
     def _residuals(self, seen: Mapping[str, Relative]) -> dict[str, np.ndarray]:
         shown = dict(zip(self.mechanism.coordinates, self._coordinates(seen), strict=True))
         gears = {
-            name: np.array(
-                [sum(ratio * shown[label] for label, ratio in gear.ratios.items()) - gear.offset]
-            )
+            name: np.array([sum(P(shown[of]) for of, P in law(gear).items()) - gear.offset])
             for name, gear in self.mechanism.gears.items()
         }
         parts = {
@@ -293,7 +300,7 @@ class MaximalOracle:
 
         The first body gets the opposite about the same point. Actuator, spring, friction and rotor
         forces are left out. A gear has one number, its multiplier: it pushes every geared rate by
-        ratio times that. Parts that dependent constraints leave open are the least ones.
+        its slope times that. Parts that dependent constraints leave open are the least ones.
         """
         _, multipliers, rows = self._dynamics(poses, twists, forces)
         reactions, relatives = {}, self._seen(poses, twists)
@@ -435,16 +442,23 @@ class MaximalOracle:
     def _rows(self, relatives: Mapping[str, Relative]) -> Rows:
         size = 6 * len(self.mechanism.bodies)
         F, b, A, a, owner = np.zeros((0, size)), np.zeros(0), np.zeros((0, size)), np.zeros(0), []
+        w = np.zeros(0)
         for name, joint in self.mechanism.pairs.items():
             seen = relatives[name]
             free, held = pairs.rows(joint, seen.R, seen.p)
             beta = pairs.rest(joint, seen.R, seen.p, seen.s[:3], seen.s[3:])
             F, b = np.vstack([F, free @ seen.G]), np.append(b, free @ seen.g)
+            w = np.append(w, free @ seen.s)
             A, a = np.vstack([A, held @ seen.G]), np.append(a, held @ seen.g + beta)
             owner += [name] * len(held)
+        shown = dict(zip(self.mechanism.coordinates, self._coordinates(relatives), strict=True))
         for name, gear in self.mechanism.gears.items():
-            ratios = np.array([gear.ratios.get(label, 0.0) for label in self.mechanism.rates])
-            A, a, owner = np.vstack([A, ratios @ F]), np.append(a, ratios @ b), [*owner, name]
+            slopes, bends = np.zeros(len(w)), np.zeros(len(w))
+            for label, P in law(gear).items():
+                place = self.mechanism.rates.index(label)
+                slopes[place], bends[place] = P.deriv()(shown[label]), P.deriv(2)(shown[label])
+            A, owner = np.vstack([A, slopes @ F]), [*owner, name]
+            a = np.append(a, slopes @ b + bends @ w**2)
         return Rows(F, b, A, a, np.array(owner, dtype=str))
 
     def _relative(self, joint: PairJoint, poses: Poses, twists: Twists) -> Relative:
@@ -565,3 +579,11 @@ def require_small(gap: np.ndarray, scale: np.ndarray, what: str) -> None:
     worst = np.max(abs(gap), initial=0)
     if worst > 1e-7 * (1 + np.max(abs(scale), initial=0)):
         raise OracleError(f"{what} ({worst:.3g} remains)")
+
+
+def law(gear: GearJoint) -> dict[str, Polynomial]:
+    """Return the polynomials that a gear adds up, by coordinate."""
+    return {
+        label: Polynomial([0, ratio, *gear.powers.get(label, ())])
+        for label, ratio in gear.ratios.items()
+    }

@@ -350,6 +350,21 @@ def random_gear(rng: np.random.Generator, reference: dict[str, float]) -> GearJo
     )
 
 
+def curved(mechanism: Mechanism, most: int | None = None) -> Mechanism:
+    """Return a mechanism whose gears add up squares, cubes and fourth powers too, of so many
+    coordinates each at most, which fit the reference."""
+    rng, joints = np.random.default_rng(4), dict(mechanism.joints)
+    for name, gear in mechanism.gears.items():
+        powers = {label: tuple(rng.uniform(-0.4, 0.4, 3)) for label in [*gear.ratios][1:][:most]}
+        more = sum(
+            c * mechanism.reference[label] ** power
+            for label, own in powers.items()
+            for power, c in enumerate(own, start=2)
+        )
+        joints[name] = GearJoint(ratios=gear.ratios, powers=powers, offset=gear.offset + more)
+    return mechanism.model_copy(update={"joints": joints})
+
+
 def random_spring(rng: np.random.Generator, planar: bool, bodies: Sequence[str]) -> PointSpring:
     """Return a spring and damper between random points of two bodies."""
     first, second = (str(body) for body in rng.choice(bodies, 2, replace=False))

@@ -82,6 +82,10 @@ class Scale:
             joint["ratios"] = {
                 label: ratio / units[label] for label, ratio in joint["ratios"].items()
             }
+            joint["powers"] = {
+                label: [c / units[label] ** power for power, c in enumerate(own, start=2)]
+                for label, own in joint.get("powers", {}).items()
+            }
             return
         for frame in joint["frames"]:
             frame["position"] = times(frame["position"], L)

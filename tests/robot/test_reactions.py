@@ -13,7 +13,7 @@ import linkwork as lw
 from tests.catalogue import built
 from tests.equations.evaluation import close
 from tests.oracle import andrews, pairs
-from tests.oracle.random_joints import random_loops, random_tree, tilted
+from tests.oracle.random_joints import curved, random_loops, random_tree, tilted
 from tests.products import first
 from tests.robot.oracle_state import Seen
 
@@ -64,7 +64,7 @@ MIXED = {
     "tree": partial(random_tree, 4, 9, effects=True, gears=1),
     "planar loops": lambda: tilted(random_loops(4, 2, planar=True, effects=True), 4),
     "spatial loops": partial(random_loops, 5, 2, effects=True),
-    "geared loop with a rod": partial(random_loops, 6, 1, gears=1, rods=1, effects=True),
+    "geared loop with a rod": lambda: curved(random_loops(6, 1, gears=1, rods=1, effects=True)),
     "platform on rods": partial(random_loops, 7, 1, platform="free"),
 }
 

@@ -3,8 +3,6 @@ and at the end of a run."""
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ import linkwork as lw
 
 from tests.equations.evaluation import close
 from tests.oracle import pairs
-from tests.oracle.random_joints import random_loops, random_tree, tilted
+from tests.oracle.random_joints import curved, random_loops, random_tree, tilted
 from tests.robot.oracle_state import Seen
 
 
@@ -49,7 +47,7 @@ def prs3() -> lw.Mechanism:
 
 
 CASES = {
-    "tree": partial(random_tree, 4, 3, effects=True, gears=1),
+    "tree": lambda: curved(random_tree(4, 3, effects=True, gears=1)),
     "tilted loop": lambda: tilted(random_loops(4, 1, planar=True, effects=True), 4),
     "3-PRS": prs3,
 }

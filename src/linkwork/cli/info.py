@@ -40,8 +40,8 @@ def structure(robot: Robot) -> dict[str, Any]:
     """Return the facts that are known before anything is compiled, as plain data.
 
     Keys: name, mobility, gruebler (what Gruebler's formula gives for it), planar, actuators,
-    bodies, joints (name, type, connects two bodies, couples coordinates by ratios, role "tree",
-    "cut" or "gear", actuated rates, limits, speed_limits and
+    bodies, joints (name, type, connects two bodies, couples coordinates by ratios and powers, role
+    "tree", "cut" or "gear", actuated rates, limits, speed_limits and
     spring stiffness by freedom, bearing: the coefficient and, of a gear's teeth, the coordinate at
     which they rub), springs (between points:
     name, connects, stiffness), loops, redundant (rows that depend on others), idle (freedoms that
@@ -81,6 +81,7 @@ def joint_facts(robot: Robot, name: str, joint: Joint) -> dict[str, Any]:
         "type": joint.type,
         "connects": [] if gear else list(joint.connects),
         "couples": dict(joint.ratios) if gear else {},
+        "powers": {of: list(own) for of, own in joint.powers.items()} if gear else {},
         "role": "gear" if gear else "cut" if name in robot.equations.topology.cuts else "tree",
         "actuated": [rate for rate in joint.rates(name) if rate in robot.actuators],
         "limits": {

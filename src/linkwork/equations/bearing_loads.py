@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from linkwork.equations import body_motion
+from linkwork.equations import body_motion, gears
 from linkwork.equations.algebra import SX, Number, cross, dot, present, vector, zero
 from linkwork.equations.closure import Cut, line
 from linkwork.equations.elimination import solve
@@ -115,8 +115,8 @@ class BearingLoads:
         for own, force in zip(self.rubbing, ca.vertsplit(self.phi), strict=True):
             found[own.rate] += force
         for name, gear in mechanism.gears.items():
-            for label, ratio in gear.ratios.items():
-                found[label] += ratio * self.multipliers.get(f"{name}: ratio", SX(0))
+            for label, slope in gears.slopes(gear, equations.joints.position).items():
+                found[label] += slope * self.multipliers.get(f"{name}: ratio", SX(0))
         return found
 
     @cached_property

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from linkwork.equations import bearings
+from linkwork.equations import bearings, gears
 from linkwork.equations.algebra import SX
 from linkwork.equations.equations import Equations
 from linkwork.equations.functions import function
@@ -20,8 +20,10 @@ def joint_loads(equations: Equations) -> ca.Function:
 
     Outputs, in the ground's axes: `needed` [moment about the mass centre; force] of every body
     (6r), `centres` (3r); of every joint that connects two bodies the `origins` of F1 and F2 (6J);
-    of every rate the `twists` s (6m) and the known forces f (m).
+    of every rate the `twists` s (6m) and the known forces f (m); the `slopes` of gears, one for
+    each coordinate of each (`Network.geared`).
     """
+    # What acts in a motion.
     dv = SX.sym("dv", equations.mobility)
     u = SX.sym("u", len(equations.mechanism.actuators))
     L, b, pivot = equations.elimination
@@ -34,19 +36,27 @@ def joint_loads(equations: Equations) -> ca.Function:
     outside = SX.sym("outside", 6 * len(equations.mechanism.bodies))
     f = known_forces(equations, accelerations, u, tensions)
     by_body = tuple(zip(equations.mechanism.bodies, ca.vertsplit(outside, 6), strict=True))
+    # Bearings rub by what they carry.
     phi = bearings.friction(equations, dv, u, by_body)
     if phi is not None:
         labels = equations.mechanism.rates
         for own, force in zip(rubbing(equations.joints), ca.vertsplit(phi), strict=True):
             f[labels.index(own.rate)] += force
+    # All of it, and how the gears push.
     outputs = {
         "needed": ca.vertcat(SX(0, 1), *needed),
         "centres": ca.vertcat(SX(0, 1), *centres),
         "origins": ca.vertcat(SX(0, 1), *[frame.P for pair in sides.values() for frame in pair]),
         "twists": ca.vertcat(SX(0, 1), *twists),
         "f": f,
+        "slopes": SX(0, 1),
         "pivot": pivot,
     }
+    joints = equations.joints
+    for gear in equations.mechanism.gears.values():
+        outputs["slopes"] = ca.vertcat(
+            outputs["slopes"], *gears.slopes(gear, joints.position).values()
+        )
     s = ca.vertcat(SX(0, 1), *equations.strains.values())
     return function("joint_loads", equations, outputs, v=equations.v, dv=dv, u=u, s=s, w=outside)
 

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import Equations, bearings
+from linkwork.equations import Equations, bearings, gears
 from linkwork.equations.algebra import SX
 from linkwork.equations.joints import held_length
 from linkwork.equations.reactions import joint_loads
@@ -91,7 +91,7 @@ def units(length: float) -> ca.DM:
 
 def scaled_loads(equations: Equations, loads: Sequence[ca.SX], length: float) -> ScaledLoads:
     """Return loads of `equations.reactions` with lengths over one length."""
-    needed, centres, origins, twists, f = loads
+    needed, centres, origins, twists, f, _ = loads
     # Bodies that float by no joint are balanced about their origins.
     bodies, points = list(equations.mechanism.bodies), [*ca.vertsplit(centres, 3)]
     needs = [*ca.vertsplit(needed, 6)]
@@ -139,7 +139,7 @@ def system(
     """Return E (6J x unknowns) of the joints' wrenches E y, about the origins of F2, and the matrix
     and the right side of the equations in (y, mu, nu), but for those along some rates."""
     mechanism = equations.mechanism
-    pairs, gears = mechanism.pairs, mechanism.gears.values()
+    pairs, geared = mechanism.pairs, mechanism.gears.values()
     labels = mechanism.rates
     origins = ca.vertsplit(loads.origins, 3) if pairs else []
     # What a joint can transmit, and what its rates take: a rod has a tension only.
@@ -153,17 +153,17 @@ def system(
         ),
     )
     S, P = along_rates(equations, loads.twists)
-    G = SX(len(gears), len(labels))
-    for row, gear in enumerate(gears):
-        for label, ratio in gear.ratios.items():
+    G = SX(len(geared), len(labels))
+    for row, gear in enumerate(geared):
+        for label, slope in gears.slopes(gear, equations.joints.position).items():
             place = labels.index(label)
-            G[row, place] = ratio / loads.sizes[place]
+            G[row, place] = slope / loads.sizes[place]
     # The balance of bodies and along the joints' rates, but for those along independent rates.
     left = [k for k, label in enumerate(rates_of_rows(equations)) if label not in without]
     C = ca.vertcat(
         ca.horzcat(
             on_bodies(equations, loads.points, origins) @ E,
-            SX(6 * len(mechanism.bodies), len(gears)),
+            SX(6 * len(mechanism.bodies), len(geared)),
         ),
         ca.horzcat(S @ E, -G.T),
     )[left, :]

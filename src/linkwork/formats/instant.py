@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
+from linkwork.equations import gears
 from linkwork.equations.algebra import rotation_matrix, turn_matrix
 from linkwork.equations.joints import complete, motions_of
 from linkwork.equations.reference import Pose, across
@@ -126,8 +127,9 @@ class Instant:
     def held(self) -> np.ndarray:
         """Return C (rows, nw) of loops and gears."""
         loops = [row for name in self.closing for row in self._held_by(name)]
-        gears = [self._sum(gear.ratios) for gear in self.mechanism.gears.values()]
-        return np.array([*loops, *gears]).reshape(-1, len(self.rates))
+        geared = self.mechanism.gears.values()
+        held = [self._sum(gears.slopes(gear, self._position)) for gear in geared]
+        return np.array([*loops, *held]).reshape(-1, len(self.rates))
 
     def _sum(self, ratios: Mapping[str, float]) -> np.ndarray:
         """Return J (nw) of a sum of joint rates, times their ratios."""
@@ -138,6 +140,9 @@ class Instant:
             else:
                 J += float(ratio) * self._closing_rates[label]
         return J
+
+    def _position(self, label: str) -> float:
+        return float(self.q.get(label, 0.0))
 
     @cached_property
     def _places(self) -> dict[str, int]:

@@ -342,15 +342,20 @@ class RodJoint(PairJoint):
 
 
 class GearJoint(JointBase):
-    """Couple joint coordinates linearly: the sum of ratio_i q_i keeps the value `offset`.
+    """Couple joint coordinates: the sum of P_i(q_i) keeps the value `offset`.
+
+        P_i(q) = ratio_i q + c_i2 q^2 + c_i3 q^3 + ...
 
     Two wheels of radii r_1, r_2 in outer mesh on one carrier: ratios r_1 and r_2 (they turn against
-    each other).
+    each other). A cam, or a knee whose bones slide as it bends, has `powers` too.
     """
 
     type: Literal["gear"] = "gear"
     ratios: Mapping[PathName, Real] = Field(
         description="ratio by coordinate, at least two [1; m/rad between kinds]"
+    )
+    powers: Mapping[PathName, tuple[Real, ...]] = Field(
+        default_factory=dict, description="c_2, c_3 ... of the square, the cube ..., by coordinate"
     )
     offset: Real = Field(
         default=0.0, description="value that the sum keeps [unit of ratio times coordinate]"
@@ -359,17 +364,31 @@ class GearJoint(JointBase):
 
     @model_validator(mode="after")
     def _couples(self):
-        if sum(ratio != 0 for ratio in self.ratios.values()) < 2:
+        if alone := sorted(self.powers.keys() - self.ratios.keys()):
+            raise MechanismError(
+                f"{alone[0]!r} has no ratio; give one, 0 where only its powers count", ("powers",)
+            )
+        if len(self.coupled) < 2:
             raise MechanismError(
                 "a gear couples at least two coordinates by ratios other than zero", ("ratios",)
             )
-        if self.teeth and not self.ratios.get(self.teeth.at):
+        even = [label for label in self.coupled if not any(self.powers.get(label, ()))]
+        if self.teeth and self.teeth.at not in even:
             raise MechanismError(
-                f"the teeth rub at {self.teeth.at!r}, which the gear does not couple; give one of "
-                f"{', '.join(self.ratios)}",
+                f"the teeth rub at {self.teeth.at!r}, which the gear does not couple by a ratio "
+                f"alone; give one of {', '.join(even)}",
                 ("teeth", "at"),
             )
         return self
+
+    @property
+    def coupled(self) -> tuple[str, ...]:
+        """The coordinates that it couples: those whose polynomials are not zero."""
+        return tuple(label for label in self.ratios if any(self.polynomial(label)))
+
+    def polynomial(self, label: str) -> tuple[float, ...]:
+        """Return the ratio of a coordinate, c_2, c_3 ..."""
+        return (self.ratios[label], *self.powers.get(label, ()))
 
 
 Joint = Annotated[

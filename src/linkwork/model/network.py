@@ -6,7 +6,7 @@ A spanning tree of the joints reaches every body; the others close loops. A clos
     W = A lambda + P (f + G' mu)
 
 A: wrenches that do no work in its motion, P: force on each of its rates, f: actuators, friction,
-springs and rotors, G, mu: ratios and multipliers of the gears. What a body needs beyond that its
+springs and rotors, G, mu: slopes and multipliers of the gears. What a body needs beyond that its
 joint of the tree brings, from the ends of the tree inward; this joint's own motion S then gives the
 conditions on lambda and mu,  S' W = f + G' mu.
 
@@ -51,7 +51,7 @@ class Network:
     closing joints.
 
     joints: names; pairs: places of each joint's first and second body (-1: ground); rates: of each
-    joint; rods: places of rods; G: ratios of the gears by rate (gears, m)
+    joint; rods: places of rods; geared: gear and rate of each coordinate of each gear
     """
 
     joints: tuple[str, ...]
@@ -60,7 +60,8 @@ class Network:
     rods: frozenset[int]
     branches: tuple[TreeJoint, ...]
     closing: tuple[int, ...]
-    G: np.ndarray
+    gears: int
+    geared: tuple[tuple[int, int], ...]
 
     @classmethod
     def of(cls, mechanism: Mechanism) -> Network:
@@ -94,14 +95,12 @@ class Network:
         # The others close loops; gears hold rates, G w = 0.
         in_tree = {branch.joint for branch in branches}
         closing = tuple(k for k in range(len(pairs)) if k not in in_tree)
-        G = np.array(
-            [
-                [gear.ratios.get(label, 0.0) for label in mechanism.rates]
-                for gear in mechanism.gears.values()
-            ]
+        labels, gears = mechanism.rates, mechanism.gears.values()
+        geared = tuple(
+            (k, labels.index(label)) for k, gear in enumerate(gears) for label in gear.ratios
         )
-        G = G.reshape(len(mechanism.gears), len(mechanism.rates))
-        return cls(tuple(mechanism.pairs), pairs, rates, rods, tuple(branches), closing, G)
+        names = tuple(mechanism.pairs)
+        return cls(names, pairs, rates, rods, tuple(branches), closing, len(gears), geared)
 
     @cached_property
     def unknowns(self) -> dict[int, slice]:
@@ -116,7 +115,14 @@ class Network:
     @cached_property
     def columns(self) -> int:
         """Number of columns: the known part, lambda of the closing joints, mu of the gears."""
-        return 1 + sum(part.stop - part.start for part in self.unknowns.values()) + len(self.G)
+        return 1 + sum(part.stop - part.start for part in self.unknowns.values()) + self.gears
+
+    def pushed(self, slopes: np.ndarray) -> np.ndarray:
+        """Return G (K, gears, m) of the slopes (K, geared)."""
+        G = np.zeros((len(slopes), self.gears, sum(own.stop - own.start for own in self.rates)))
+        for (gear, rate), slope in zip(self.geared, slopes.T, strict=True):
+            G[:, gear, rate] = slope
+        return G
 
     @property
     def numbers(self) -> int:
@@ -130,7 +136,8 @@ class Loads:
 
     needed: [moment about the centre; force] of each body (K, r, 6); centres: (K, r, 3); origins: of
         F1, F2 (K, J, 2, 3)
-    twists: of each rate at the origin of F2 (K, m, 6); f: known forces on the rates (K, m)
+    twists: of each rate at the origin of F2 (K, m, 6); f: known forces on the rates (K, m); G:
+        slopes of the gears (K, gears, m)
     """
 
     needed: np.ndarray
@@ -138,6 +145,7 @@ class Loads:
     origins: np.ndarray
     twists: np.ndarray
     f: np.ndarray
+    G: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,14 +169,14 @@ def balanced(network: Network, loads: Loads) -> Balance:
     y, N = least_norm(conditions[..., 1:], -conditions[..., 0])
     constraint = W - acting
     if N.shape[-1]:
-        gears = np.zeros((len(W), len(network.G), W.shape[-1]))
-        gears[..., network.columns - len(network.G) :] = np.eye(len(network.G))
+        gears = np.zeros((len(W), network.gears, W.shape[-1]))
+        gears[..., network.columns - network.gears :] = np.eye(network.gears)
         measured = np.concatenate([constraint.reshape(len(W), -1, W.shape[-1]), gears], axis=1)
         known, free = measured[..., 0] + times(measured[..., 1:], y), measured[..., 1:] @ N
         y = y - times(N @ np.linalg.pinv(free, rcond=DEPENDENT), known)
     wrenches, held = (part[..., 0] + times(part[..., 1:], y[:, None]) for part in (W, constraint))
     return Balance(
-        wrenches, held, y[:, network.columns - 1 - len(network.G) :], W[..., 1:] @ N[:, None]
+        wrenches, held, y[:, network.columns - 1 - network.gears :], W[..., 1:] @ N[:, None]
     )
 
 
@@ -184,7 +192,7 @@ def columns_of(network: Network, loads: Loads) -> tuple[np.ndarray, np.ndarray, 
     needed = np.zeros((count, loads.needed.shape[1], 6, columns))
     needed[..., 0] = loads.needed
     pushes = np.zeros((*loads.f.shape, columns))  # f + G' mu
-    pushes[..., 0], pushes[..., columns - len(network.G) :] = loads.f, network.G.T
+    pushes[..., 0], pushes[..., columns - network.gears :] = loads.f, np.swapaxes(loads.G, 1, 2)
     for k, rates in enumerate(network.rates):
         acting[:, k] = np.swapaxes(conjugate(loads.twists[:, rates]), 1, 2) @ pushes[:, rates]
 

@@ -16,7 +16,6 @@ from linkwork.control.described_drives import drive
 from linkwork.control.drives import Extra
 from linkwork.control.goals import target
 from linkwork.equations.algebra import wrapped
-from linkwork.mechanism.numbers import places_of
 from linkwork.model import task
 from linkwork.robot import Motion, Robot, State
 from linkwork.runs.quantities import QUANTITIES, Axis, axes_of, lacks
@@ -298,13 +297,9 @@ class Bench:
 
     def require_quantity(self, name: str, where: tuple[str, ...]) -> None:
         """Refuse a quantity that this study's runs do not have."""
-        places = (where for path in self.study.paths for where in places_of(self.study.robot, path))
-        geared = any("ratios" in where for where in places)
         quantity, aimless = QUANTITIES[name], not self.study.controllers
-        reason = (
-            lacks(quantity, self._axes)
-            or (quantity.aimed and aimless and "there is no controller")
-            or (quantity.axis == "joint" and geared and "the ratio of a gear varies")
+        reason = lacks(quantity, self._axes) or (
+            quantity.aimed and aimless and "there is no controller"
         )
         if reason:
             raise StudyError(f"{name!r} is not defined here: {reason}", where)

@@ -201,7 +201,7 @@ def joints_table(robot: Robot) -> PageTable:
     for name, joint in robot.mechanism.joints.items():
         gear = isinstance(joint, GearJoint)
         between = (
-            " + ".join(f"{r:g} {of}" for of, r in joint.ratios.items())
+            " + ".join(f"{c:g} {of}{power}" for of, c, power in gear_terms(joint))
             if gear
             else " – ".join(joint.connects)
         )
@@ -218,6 +218,14 @@ def joints_table(robot: Robot) -> PageTable:
         rows,
         numbers=False,
     )
+
+
+def gear_terms(gear: GearJoint) -> Iterator[tuple[str, float, str]]:
+    """Yield coordinate, coefficient and written power of what a gear adds up."""
+    for label in gear.coupled:
+        for power, c in enumerate(gear.polynomial(label), start=1):
+            if c:
+                yield label, c, f"^{power}" if power > 1 else ""
 
 
 def bound(limits: Limits) -> str:

@@ -17,7 +17,7 @@ from linkwork.lab.engines import EngineError
 from linkwork.mechanism import Mechanism
 
 from tests.oracle.maximal import MaximalOracle
-from tests.oracle.random_joints import TREE, random_loops, random_motion, random_tree
+from tests.oracle.random_joints import TREE, curved, random_loops, random_motion, random_tree
 from tests.products import first, sampled
 
 TOLERANCES = {"pinocchio": 1e-10, "mujoco": 2e-2, "exudyn": 5e-6}
@@ -73,7 +73,7 @@ MECHANISMS = {
     "platform on rods and a free joint": partial(random_loops, 1, 1, platform="free"),
     "geared tree": partial(random_tree, 1, 7, gears=1),
     "geared loop": partial(random_loops, 0, 1, gears=1),
-    "planetary gear": partial(random_tree, 0, 7, gears=1),
+    "planetary gear": lambda: curved(random_tree(0, 7, gears=1)),
 }
 LACKING = {
     ("pinocchio", "geared tree"): "Pinocchio has no constraint that could hold a gear",

@@ -28,6 +28,7 @@ FIELDS = {
     "inertia": "I",
     "rotor_inertia": "J",
     "ratios": "n",
+    "powers": "n",
     "offset": "d",
 }
 """Letters of free numbers, by the field that they stand in."""

@@ -79,18 +79,20 @@ def loop_rows(chain: Chain, equations: Equations, home: Mapping[str, float]) -> 
             rows += [row for row in spatial_rows(chain, cut, joint) if row.name in kept]
     for name, gear in chain.mechanism.gears.items():
         number = chain.dimensions.number
-        ratio = {
-            label: number(("joints", name, "ratios", label), value)
-            for label, value in gear.ratios.items()
-        }
         known = own_coordinates(equations, chain.flat)
-        if missing := [label for label in ratio if label not in known]:
+        if missing := [label for label in gear.ratios if label not in known]:
             raise LinkworkError(
                 f"the gear {name!r} couples {missing[0]!r}, which closes a loop and has no "
                 "coordinate of its own here; its equations are not printed"
             )
         offset = number(("joints", name, "offset"), gear.offset)
-        phi = sum((symbol(f"q:{label}") * c for label, c in ratio.items()), -offset)
+        phi = -offset
+        for label, ratio in gear.ratios.items():
+            q = power = symbol(f"q:{label}")
+            phi += power * number(("joints", name, "ratios", label), ratio)
+            for place, c in enumerate(gear.powers.get(label, ())):
+                power = power * q
+                phi += power * number(("joints", name, "powers", label, str(place)), c)
         rows.append(LoopRow(f"{name}: ratio", phi))
     return [LoopRow(row.name, upright(row.phi)) for row in rows]
 

@@ -49,13 +49,15 @@ NEAR = 1e-9  # directions [1] and, times the size of the numbers, places [m] tha
 
 @dataclass(frozen=True)
 class Coupling:
-    """Hold a joint equality: coordinate - ref = offset + ratio (other coordinate - other ref)."""
+    """Hold a joint equality: coordinate - ref = offset + ratio x + c_2 x^2 + ...,  x = other
+    coordinate - other ref; powers: c_2, c_3 ..."""
 
     element: Element
     joint: str
     other: str
     offset: float
     ratio: float
+    powers: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

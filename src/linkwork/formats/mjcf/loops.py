@@ -5,7 +5,7 @@
                                      slides across it): the motion is the same
     connects of the same two bodies  on one line: a revolute joint about it; else a fixed joint
     weld                             a fixed joint; without torque (torquescale 0) a connect
-    joint, linear                    a gear, a locked joint where only one is named
+    joint                            a gear, a locked joint where only one is named
 
 Where body names and an anchor are given, the two bodies fit together at qpos0; sites fit where they
 are.
@@ -13,10 +13,12 @@ are.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from linkwork.equations.reference import displacement
 from linkwork.formats import poses
@@ -262,11 +264,7 @@ class LoopReader:
 
     def _coupling(self, element: Element) -> list[Coupling]:
         offset, ratio, *higher = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)
-        if any(higher):
-            self.notes.on(
-                element, "is left out: its polynomial is not linear, and a gear's is", alters=True
-            )
-            return []
+        powers = tuple(higher) if any(higher) else ()
         names = element.text("joint1"), element.attributes.get("joint2", "")
         for name in (names[0], *filter(None, names[1:])):
             if name not in self.pieces:
@@ -276,14 +274,15 @@ class LoopReader:
                     f"{name!r} is a {self.pieces[name].kind} joint; only hinges and slides are "
                     "coupled"
                 )
-        return [Coupling(element, names[0], names[1] if ratio else "", offset, ratio)]
+        other = names[1] if ratio or powers else ""
+        return [Coupling(element, names[0], other, offset, ratio, powers)]
 
     def gears(self, ties: Ties, joints: Joints, names: FreeNames) -> dict[str, Joint]:
         """Return the gears and locks that joint equalities are, but those that became parts of
         screws.
 
-        q1 - ref1 = a0 + a1 (q2 - ref2):  a gear of the ratios 1 and -a1 and the offset a0 + ref1 -
-        a1 ref2.
+        q1 - ref1 = a0 + a1 (q2 - ref2) + ... = b0 + b1 q2 + ...:  a gear of the ratios 1 and -b1,
+        the powers -b2 ... of q2 and the offset b0 + ref1.
         """
         made: dict[str, Joint] = {}
         for number, coupling in enumerate(ties.couplings, start=1):
@@ -295,12 +294,11 @@ class LoopReader:
             if not coupling.other:
                 made[name] = self._lock(coupling, value, joints)
                 continue
-            ratios = {
-                joints.coordinates[coupling.joint]: 1.0,
-                joints.coordinates[coupling.other]: -coupling.ratio,
-            }
-            offset = value - coupling.ratio * self.pieces[coupling.other].ref
-            made[name] = element.make(GearJoint, ratios=ratios, offset=offset)
+            own, other = (joints.coordinates[of] for of in (coupling.joint, coupling.other))
+            about = value, coupling.ratio, *coupling.powers
+            made[name] = following(
+                element, {own: 1.0}, other, about, self.pieces[coupling.other].ref
+            )
         return made
 
     def _lock(self, coupling: Coupling, value: float, joints: Joints) -> FixedJoint:
@@ -314,6 +312,22 @@ class LoopReader:
         motion = poses.pose(*displacement(joint, np.array([value])))
         first = poses.frame_of(poses.of_frame(joint.frames[0]) @ motion)
         return FixedJoint(connects=joint.connects, frames=(first, joint.frames[1]))
+
+
+def following(
+    element: Element,
+    ratios: Mapping[str, float],
+    other: str,
+    about: Iterable[float],
+    ref: float,
+    factor: float = 1.0,
+) -> GearJoint:
+    """Return the gear by which a sum of coordinates follows another one's polynomial, whose
+    coefficients are given in powers of factor times coordinate - ref."""
+    b0, b1, *higher = Polynomial([*about])(Polynomial([-ref, factor])).coef
+    ratios = {**ratios, other: ratios.get(other, 0.0) - b1}
+    powers = {other: tuple(-b for b in higher)} if any(higher) else {}
+    return element.make(GearJoint, ratios=ratios, powers=powers, offset=b0)
 
 
 def tie_name(tie: Equality) -> str:

@@ -162,8 +162,8 @@ def _lifts(tree: ModelTree) -> dict[str, Lift]:
 
 
 def _free_couplings(document: Document, ties: Ties) -> dict[str, Coupling]:
-    """Return the joint equalities by the joint that they move, where nothing else drives or couples
-    that joint."""
+    """Return the linear joint equalities by the joint that they move, where nothing else drives or
+    couples that joint."""
     used = Counter(name for coupling in ties.couplings for name in (coupling.joint, coupling.other))
     used.update(
         element.attributes.get("joint") or element.attributes.get("jointinparent", "")
@@ -174,7 +174,8 @@ def _free_couplings(document: Document, ties: Ties) -> dict[str, Coupling]:
         for tendon in document.each("tendon")
         for part in tendon.children
     )
-    return {item.joint: item for item in ties.couplings if item.other and used[item.joint] == 1}
+    linear = (item for item in ties.couplings if item.other and not item.powers)
+    return {item.joint: item for item in linear if used[item.joint] == 1}
 
 
 # -------------------------------------------------------------------------------------------- parts

@@ -21,7 +21,7 @@ from linkwork.formats.mjcf.branches import on_one_branch
 from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.geoms import kind_of, measured
 from linkwork.formats.mjcf.joints import Joints
-from linkwork.formats.mjcf.loops import POLYNOMIAL, LoopReader
+from linkwork.formats.mjcf.loops import POLYNOMIAL, LoopReader, following
 from linkwork.formats.mjcf.reflected import Added
 from linkwork.formats.mjcf.tendon_limits import stop_of
 from linkwork.formats.names import FreeNames
@@ -110,17 +110,8 @@ class TendonReader:
         another."""
         held, following = {}, []
         for element in equalities:
-            offset, ratio, *higher = (
-                *element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL),
-                0.0,
-            )
-            if "tendon2" in element.attributes and any(higher):
-                self.notes.on(
-                    element,
-                    "is left out: its polynomial is not linear, and a gear's is",
-                    alters=True,
-                )
-            elif "tendon2" in element.attributes and ratio:
+            offset, *slopes = element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL)
+            if "tendon2" in element.attributes and any(slopes):
                 following.append(element)
             else:
                 held[element.text("tendon1")] = element, offset
@@ -128,8 +119,9 @@ class TendonReader:
 
     def _follow(self, element: Element) -> None:
         """Add the gear by which a tendon of joints follows another one: l1 - l1_0 = a0 + a1
-        (l2 - l2_0)."""
-        offset, ratio = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)[:2]
+        (l2 - l2_0) + ..., the latter of one joint where there are higher powers."""
+        # Both tendons, as sums of joint coordinates.
+        offset, ratio, *higher = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)
         names = element.text("tendon1"), element.text("tendon2")
         lines = [self.found.lines.get(name) for name in names]
         if not all(isinstance(line, Combination) for line in lines):
@@ -138,12 +130,27 @@ class TendonReader:
             )
             return
         one, two = (line.ratios for line in lines if isinstance(line, Combination))
+        at_zero = [self._at(line, springs=False) for line in (one, two)]
+        # Powers of a single joint; a sum without powers.
+        if any(higher) and len(two) > 1:
+            self.notes.on(
+                element,
+                "is left out, so that nothing holds its tendons: the square or a higher power of a "
+                "sum of several joints, and a gear adds up powers of single ones",
+                alters=True,
+            )
+            return
+        label = self.names.give(element.attributes.get("name", "_".join(names)))
+        if any(higher):
+            ((other, factor),) = two.items()
+            about = offset + at_zero[0], ratio, *higher
+            gear = following(element, one, other, about, at_zero[1], factor)
+            self.found.joints[label] = gear
+            return
         ratios = {
             label: one.get(label, 0.0) - ratio * two.get(label, 0.0)
             for label in dict.fromkeys((*one, *two))
         }
-        at_zero = [self._at(line, springs=False) for line in (one, two)]
-        label = self.names.give(element.attributes.get("name", "_".join(names)))
         self.found.joints[label] = element.make(
             GearJoint, ratios=ratios, offset=offset + at_zero[0] - ratio * at_zero[1]
         )

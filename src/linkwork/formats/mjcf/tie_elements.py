@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree as ET
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from linkwork.equations.joints import motions_of
 from linkwork.formats import poses
@@ -13,7 +14,9 @@ from linkwork.formats.mjcf.laws import number, numbers
 from linkwork.formats.mjcf.model_plan import ADVANCE, ModelTie
 from linkwork.formats.mjcf.sheet import Sheet
 from linkwork.formats.mjcf.tree import WORLD
-from linkwork.mechanism import GROUND, MechanismError
+from linkwork.mechanism import GROUND, GearJoint, MechanismError
+
+DEGREE = 4  # of the polynomials of equalities
 
 
 def write_tie(sheet: Sheet, tie: ModelTie) -> None:
@@ -84,28 +87,54 @@ def write_screws(sheet: Sheet) -> None:
 
 
 def write_gears(sheet: Sheet) -> None:
-    """Couple hinges and slides: two of them by a joint equality, more by a tendon of joints."""
+    """Couple hinges and slides: two of them by a joint equality, more by a tendon of joints, which
+    follows another one where a coordinate has powers."""
     for name, gear in sheet.mechanism.gears.items():
-        ratios = {label: ratio for label, ratio in gear.ratios.items() if ratio}
-        for label in ratios:
-            if not sheet.is_hinge_or_slide(label):
-                raise MechanismError(
-                    f"joints.{name}.ratios: {label!r} is no hinge or slide in MJCF and "
-                    "cannot be geared"
-                )
+        curved = curved_coordinate(sheet, name, gear)
+        ratios = {label: gear.ratios[label] for label in gear.coupled if label != curved}
         gap = gear.offset - sum(ratio * sheet.moves[label].ref for label, ratio in ratios.items())
-        if len(ratios) == 2:
-            (one, first), (two, second) = ratios.items()
-            line = numbers((gap / first, -second / first, 0, 0, 0))
-            sheet.add("equality", "joint", name=name, joint1=one, joint2=two, polycoef=line)
+        if curved:
+            # P(ref + x) in powers of x = q - ref.
+            about = Polynomial([sheet.moves[curved].ref, 1.0])
+            a = [-float(c) for c in Polynomial([-gap, *gear.polynomial(curved)])(about).coef]
+        elif len(ratios) == 2:
+            curved, second = ratios.popitem()
+            a = [gap, -second]
         else:
-            tendon = sheet.add("tendon", "fixed", name=name)
-            for label, ratio in ratios.items():
-                ET.SubElement(tendon, "joint", joint=label, coef=number(ratio))
+            a = [gap]
+        a += [0.0] * (DEGREE + 1 - len(a))
+        if len(ratios) == 1:
+            ((one, first),) = ratios.items()
+            ends = {"joint1": one, "joint2": curved or ""}
             sheet.add(
-                "equality",
-                "tendon",
-                name=name,
-                tendon1=name,
-                polycoef=numbers((gap, 0, 0, 0, 0)),
+                "equality", "joint", name=name, **ends, polycoef=numbers(c / first for c in a)
             )
+            continue
+        _joints_tendon(sheet, name, ratios)
+        ends = {"tendon1": name}
+        if curved:
+            ends["tendon2"] = f"{name}.{curved}"
+            _joints_tendon(sheet, ends["tendon2"], {curved: 1.0})
+        sheet.add("equality", "tendon", name=name, **ends, polycoef=numbers(a))
+
+
+def curved_coordinate(sheet: Sheet, name: str, gear: GearJoint) -> str | None:
+    """Return the coordinate of a gear that has powers; refuse what MJCF cannot couple."""
+    for label in gear.coupled:
+        if not sheet.is_hinge_or_slide(label):
+            raise MechanismError(
+                f"joints.{name}.ratios: {label!r} is no hinge or slide in MJCF and cannot be geared"
+            )
+    curved = [label for label in gear.coupled if any(gear.powers.get(label, ()))]
+    if len(curved) > 1 or any(any(gear.polynomial(label)[DEGREE:]) for label in curved):
+        raise MechanismError(
+            f"joints.{name}.powers: MJCF holds those of one coordinate of a gear up to the power "
+            f"{DEGREE}; write .yaml, which holds all"
+        )
+    return next(iter(curved), None)
+
+
+def _joints_tendon(sheet: Sheet, name: str, ratios: Mapping[str, float]) -> None:
+    tendon = sheet.add("tendon", "fixed", name=name)
+    for label, ratio in ratios.items():
+        ET.SubElement(tendon, "joint", joint=label, coef=number(ratio))

@@ -267,11 +267,12 @@ def write_gears(sheet: SdfSheet) -> None:
         tags = [tag for tag in ("axis", "axis2") if element.find(tag) is not None]
         places |= {label: (name, tag, element) for label, tag in zip(labels, tags, strict=False)}
     for name, gear in sheet.mechanism.gears.items():
-        used = [label for label, ratio in gear.ratios.items() if ratio and label in places]
+        used = [label for label in gear.coupled if label in places]
         passive = [label for label in used if label not in sheet.mechanism.actuators]
-        if len(used) != 2 or len(gear.ratios) != 2 or not passive:
+        if len(used) != 2 or len(gear.ratios) != 2 or gear.powers or not passive:
             raise sheet.refusal(
-                f"the gear {name!r} couples other than two coordinates of which one is not driven"
+                f"the gear {name!r} couples other than two coordinates by ratios of which one is "
+                "not driven"
             )
         follower = passive[0]
         leader = next(label for label in used if label != follower)

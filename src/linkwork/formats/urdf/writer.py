@@ -238,15 +238,16 @@ def write_gears(sheet: UrdfSheet) -> None:
     """Write gears of two hinges or slides as <mimic>: q = multiplier q_other + offset."""
     joints = {element.attrib["name"]: element for element in sheet.root.iter("joint")}
     for name, gear in sheet.mechanism.gears.items():
-        used = [label for label, ratio in gear.ratios.items() if ratio]
+        used = list(gear.coupled)
         used.sort(key=lambda label: label in sheet.mechanism.actuators)  # driven ones lead
         own = [label.replace(".", "_") for label in used]
         free = [at in joints and joints[at].find("mimic") is None for at in own]
         follower = free.index(True) if any(free) else None
-        if len(used) != 2 or follower is None or not all(at in joints for at in own):
+        held = follower is not None and all(at in joints for at in own)
+        if len(used) != 2 or follower is None or gear.powers or not held:
             raise sheet.refusal(
-                f"the gear {name!r} couples other than two hinges or slides of the tree, which "
-                "mimic holds",
+                f"the gear {name!r} couples other than two hinges or slides of the tree by ratios, "
+                "which mimic holds",
                 "write .xml (MJCF) or .yaml",
             )
         ratio = gear.ratios[used[follower]]

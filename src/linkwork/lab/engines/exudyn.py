@@ -155,9 +155,10 @@ class ExudynEngine:
 
     def _check(self) -> None:
         for name, gear in self.carried.gears.items():
-            if sum(ratio != 0 for ratio in gear.ratios.values()) > 2:
+            if len(gear.coupled) > 2 or gear.powers:
                 raise EngineError(
-                    f"joints.{name}: Exudyn couples two coordinates, not more; use mujoco"
+                    f"joints.{name}: Exudyn couples two coordinates, not more, and by ratios; use "
+                    "mujoco"
                 )
         needed = coupled(self.carried)
         for cut in self.tree.cuts:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 from scipy.spatial.transform import Rotation
 
 from linkwork.lab.engines.joints import Edge, Step, coordinates_at, edge, gaps, rate_rows
@@ -254,7 +255,7 @@ def read_joints(mechanism: Mechanism, motion: BodyMotion, start: np.ndarray) -> 
         for found, gap in zip((shifts, turns), gaps(item, pose), strict=True):
             found.append(float(np.max(np.linalg.norm(gap, axis=-1))))
     for gear in mechanism.gears.values():
-        shown = sum(ratio * positions[label] for label, ratio in gear.ratios.items())
+        shown = sum(polyval(positions[q], [0, *gear.polynomial(q)]) for q in gear.ratios)
         turns.append(float(np.max(abs(shown - gear.offset))))
     columns = [positions[label] for label in mechanism.coordinates]
     return JointMotion(
