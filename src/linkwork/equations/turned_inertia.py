@@ -15,7 +15,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, Vector, present, snap, zero
+from linkwork.equations.algebra import SX, Vector, at_once, present, snap, zero
 from linkwork.equations.orientation import Orientation
 
 ALIKE = 1e-15  # difference of principal moments, over the largest, that is rounding
@@ -78,11 +78,10 @@ def turned_pair(x: float, y: float, c: ca.SX, s: ca.SX) -> tuple[ca.SX, ca.SX]:
     return x * c - y * s, x * s + y * c
 
 
+@at_once((3, 3), (3, 1), (3, 1), (3, 3))
 def turning_moment(inertia: ca.SX, omega: ca.SX, alpha: ca.SX, A: ca.SX) -> ca.SX:
     """Return I alpha + omega x (I omega); A: their `turning_matrix`, off whose diagonal is what
     the products of inertia are multiplied by."""
-    if not present(inertia):
-        return zero()
     found = zero()
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         found[i] = inertia[i, i] * alpha[i]
