@@ -21,6 +21,15 @@ def ends(profile):
     return np.array([profile(np.array([0, profile.duration]), order)[:, 0] for order in range(3)])
 
 
+@pytest.mark.parametrize("jerk", [1e13, 1e16, 1e30])
+def test_a_jerk_so_large_that_its_phases_vanish_leaves_a_trapezoid(jerk):
+    profile = motions.s_curve(1.5, speed=1.0, acceleration=1.0, jerk=jerk)
+    t = np.linspace(0, 2.5, 26)
+    trapezoid = motions.trapezoidal(1.5, speed=1.0, acceleration=1.0)
+    assert profile.duration == pytest.approx(2.5)
+    assert profile(t) == pytest.approx(trapezoid(t), abs=1e-12)
+
+
 @pytest.mark.parametrize("law", motions.LAWS)
 @pytest.mark.parametrize("distance", [1e-3, 0.3, 40.0])
 def test_a_law_goes_its_distance_from_rest_to_rest_within_its_limits(law, distance):

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from linkwork import LinkworkError, motions
+from linkwork import LinkworkError, Robot, motions
 from linkwork.views import plot_timed_path
 
 from tests.catalogue import built
+from tests.robot.mixed_freedoms import three_legs
 
 LIMITS = motions.AxisLimits(speed=0.5, acceleration=3.0, jerk=40.0)
 
@@ -92,6 +93,23 @@ def test_what_cannot_be_written_is_refused(robot, timed, tmp_path):
         with pytest.raises(LinkworkError, match=said):
             call()
     assert motions.write_csv(tmp_path / "d.csv", pose, robot).read_text().startswith("time,x,x'")
+
+
+def test_coordinates_of_a_tool_bear_the_names_of_its_task(tmp_path):
+    """The fourth of a robot that turns about the vertical is rz, and 1/s the unit of a direction's
+    rate."""
+    table = built("par4")
+    path = motions.point_to_point([0, 0, -0.65, 0], [0.05, 0, -0.65, 0.3], LIMITS)
+    header = motions.write_csv(tmp_path / "e.csv", path, table).read_text().splitlines()[0]
+    assert header.endswith(",z,z',z'',rz,rz',rz''")
+    legend = plot_timed_path(path, table).axes[0].get_legend()
+    assert legend.get_texts()[3].get_text() == "rz"
+    with pytest.raises(LinkworkError, match="the 4 coordinates of the path are those of a tool"):
+        motions.write_csv(tmp_path / "e.csv", path)
+    pointing = Robot(three_legs("RRS", task=("z", "direction_x", "direction_y")))
+    path = motions.point_to_point([0.5, 0, 0], [0.48, 0.1, 0], LIMITS)
+    labels = [axes.get_ylabel() for axes in plot_timed_path(path, pointing).axes[:2]]
+    assert labels == ["coordinate\n[m, 1]", "speed\n[m/s, 1/s]"]
 
 
 def test_a_timed_path_is_drawn_with_all_its_derivatives(robot, timed):

@@ -120,7 +120,8 @@ def turning(polynomial: np.ndarray) -> np.ndarray:
 def pieces(
     durations: Sequence[float], added: Sequence[Sequence[float]], smooth: int = 1
 ) -> Profile:
-    """Return one coordinate from rest at 0 in pieces that join on, those of no duration left out.
+    """Return one coordinate from rest at 0 in pieces that join on; those too short for their knots
+    to differ are left out, but for what they lead to.
 
     Args:
         durations: of the pieces [s].
@@ -130,14 +131,13 @@ def pieces(
     knots, rows, total = [0.0], [], sum(durations)
     begun = np.zeros(smooth + 1)
     for h, own in zip(durations, added, strict=True):
-        if h <= 1e-15 * total:
-            continue
         row = np.zeros(max(map(len, added)))
         row[: smooth + 1] = begun
         row[: len(own)] += own
-        rows.append(row)
-        knots.append(knots[-1] + h)
         begun = taylor(row[None, :, None], np.array([h]))[0, : smooth + 1, 0]
+        if h > 1e-15 * total:
+            rows.append(row)
+            knots.append(knots[-1] + h)
     return Profile(np.array(knots), np.array(rows)[:, :, None])
 
 

@@ -16,8 +16,10 @@ import numpy as np
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.task import labels
 from linkwork.model.labels import POSES
 from linkwork.model.state import Motion
+from linkwork.model.task import asked_of
 from linkwork.motions.profiles import Profile
 from linkwork.motions.timed_paths import TimedPath, sample_count
 from linkwork.robot import Robot
@@ -82,14 +84,18 @@ def of_path(timed: TimedPath, samples: int, robot: Robot | None) -> dict[str, np
 
 
 def labels_of(timed: TimedPath, count: int, robot: Robot | None = None) -> tuple[str, ...]:
-    """Return the names of a path's coordinates: joints', or those of a pose of the robot's tool."""
+    """Return the names of a path's coordinates: joints', or those in which the robot's tool is led
+    by so many; without a robot, those of a pose."""
     if timed.names:
         return timed.names
-    if robot is None and count == 3:
+    if robot is not None:
+        return labels(asked_of(robot, count).what)
+    if count not in (2, 6):
         raise LinkworkError(
-            "the path is x, y, angle in the plane or x, y, z in space; say which by robot="
+            f"the {count} coordinates of the path are those of a tool's task, or of a pose in the "
+            "plane or in space; say which by robot="
         )
-    return POSES[count < 3 if robot is None else robot.planar][:count]
+    return POSES[False][:count]
 
 
 def of_motion(motion: Motion, robot: Robot) -> dict[str, np.ndarray]:

@@ -9,6 +9,8 @@ import numpy as np
 
 from linkwork.checks import shown
 from linkwork.errors import LinkworkError
+from linkwork.mechanism import task
+from linkwork.model.task import asked_of
 from linkwork.motions import TimedPath
 from linkwork.motions.tables import labels_of
 from linkwork.views.style import label_time, look, new_figure, styled
@@ -19,7 +21,11 @@ if TYPE_CHECKING:
     from linkwork.robot import Robot
 
 TITLES = ("coordinate", "speed", "acceleration", "jerk")
-LENGTHS, ANGLES = ("m", "m/s", "m/s²", "m/s³"), ("rad", "rad/s", "rad/s²", "rad/s³")
+UNITS = {
+    "m": ("m", "m/s", "m/s²", "m/s³"),
+    "rad": ("rad", "rad/s", "rad/s²", "rad/s³"),
+    "1": ("1", "1/s", "1/s²", "1/s³"),
+}  # of coordinates and their derivatives
 SAMPLES = 400  # on each piece of a profile or path
 WIDTH, HEIGHT = 7.2, 1.7  # of a panel [in]
 
@@ -44,8 +50,8 @@ def plot_timed_path(timed: TimedPath, robot: Robot | None = None) -> Figure:
         )
     time, parts = sampled(timed)
     count = parts[0].shape[1]
-    known = timed.names or robot is not None or count != 3
-    labels = labels_of(timed, count, robot) if known else ("x", "y", "angle or z")
+    known = timed.names or robot is not None or count in (2, 6)
+    labels = labels_of(timed, count, robot) if known else unnamed(count)
     with styled():
         figure = new_figure(WIDTH, HEIGHT * len(parts))
         grid = figure.subplots(len(parts), 1, sharex=True, squeeze=False)[:, 0]
@@ -54,7 +60,7 @@ def plot_timed_path(timed: TimedPath, robot: Robot | None = None) -> Figure:
                 axes.axvline(moment, color="0.8", linewidth=0.8)
             for index, name in enumerate(labels):
                 axes.plot(time, values[:, index], label=name, **look(index))
-            axes.set_ylabel(f"{TITLES[order]}\n[{unit(labels, order, robot)}]")
+            axes.set_ylabel(f"{TITLES[order]}\n[{unit(timed, count, order, robot)}]")
         place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.03), "borderaxespad": 0}
         grid[0].legend(labelspacing=0.3, **place)
         label_time(grid[-1], time)
@@ -74,16 +80,22 @@ def sampled(timed: TimedPath) -> tuple[np.ndarray, list[np.ndarray]]:
     return time, [timed.profile(time, order) for order in range(4)]
 
 
-def unit(labels: tuple[str, ...], order: int, robot: Robot | None) -> str:
+def unnamed(count: int) -> tuple[str, ...]:
+    """Return names of coordinates of a tool that is not known."""
+    if count == 3:
+        return "x", "y", "angle or z"
+    return tuple(f"coordinate {k}" for k in range(1, count + 1))
+
+
+def unit(timed: TimedPath, count: int, order: int, robot: Robot | None) -> str:
     """Return the units of coordinates or their derivatives."""
-    own = [None if robot is None else unit_of(robot, name) for name in labels]
-    found = {"m": LENGTHS[order], "rad": ANGLES[order]}
-    kinds = [kind for kind in found if kind in own] if all(own) else [*found]
-    return ", ".join(found[kind] for kind in kinds)
+    own = None if robot is None else units_of(timed, count, robot)
+    kinds = [*UNITS][:2] if own is None else [kind for kind in UNITS if kind in own]
+    return ", ".join(UNITS[kind][order] for kind in kinds)
 
 
-def unit_of(robot: Robot, name: str) -> str:
-    """Return m or rad of a joint or of a coordinate of the tool's pose."""
-    if name in robot.coordinates:
-        return robot.unit(name)
-    return "m" if name in ("x", "y", "z") else "rad"
+def units_of(timed: TimedPath, count: int, robot: Robot) -> list[str]:
+    """Return m, rad or 1 of the joints of a path, or of the coordinates of the tool."""
+    if timed.names:
+        return [robot.unit(name) for name in timed.names]
+    return [task.unit(item) for item in asked_of(robot, count).what]
