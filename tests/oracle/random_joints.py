@@ -350,12 +350,12 @@ def random_gear(rng: np.random.Generator, reference: dict[str, float]) -> GearJo
     )
 
 
-def curved(mechanism: Mechanism, most: int | None = None) -> Mechanism:
-    """Return a mechanism whose gears add up squares, cubes and fourth powers too, of so many
-    coordinates each at most, which fit the reference."""
+def curved(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism whose gears add up squares, cubes and fourth powers too, which fit the
+    reference."""
     rng, joints = np.random.default_rng(4), dict(mechanism.joints)
     for name, gear in mechanism.gears.items():
-        powers = {label: tuple(rng.uniform(-0.4, 0.4, 3)) for label in [*gear.ratios][1:][:most]}
+        powers = {label: tuple(rng.uniform(-0.4, 0.4, 3)) for label in [*gear.ratios][1:]}
         more = sum(
             c * mechanism.reference[label] ** power
             for label, own in powers.items()
