@@ -1,9 +1,10 @@
 """Derivatives of forward dynamics through loops, beside forward dynamics and Pinocchio's; adjoints
-of runs, beside the runs."""
+of runs, explicit and stiff, beside the runs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from linkwork.control import Observation
 from linkwork.gradients import derivative_kernel
 from linkwork.lab.engines.pinocchio import pin
 
-from benchmarks import engines, native
+from benchmarks import engines, native, stiff
 from benchmarks.table import Figure, Listing, Section, quantity
 from benchmarks.timing import Contender, interleaved, summary
 
@@ -48,11 +49,12 @@ def run(rounds: int = 60, robots: Mapping[str, float] = MOST) -> Section:
     figures.append(
         Figure("3-PRR: largest relative difference of Pinocchio's", apart(), "", AGREEMENT)
     )
-    seconds = interleaved(adjoints(), rounds)
-    quickest = {key: float(each.min()) for key, each in seconds.items()}
-    figures += over_run(quickest)
-    rows += [(f"prr3: {key}", quantity(1e9 * each, "")) for key, each in quickest.items()]
-    raw["adjoints"] = {key: summary(values) for key, values in seconds.items()}
+    for name, made in {"prr3": adjoints(), **stiff_adjoints()}.items():
+        seconds = interleaved(made, rounds)
+        quickest = {key: float(each.min()) for key, each in seconds.items()}
+        figures += over_run(name, quickest)
+        rows += [(f"{name}: {key}", quantity(1e9 * each, "")) for key, each in quickest.items()]
+        raw[f"adjoints of {name}"] = {key: summary(values) for key, values in seconds.items()}
     listing = Listing(("contender", "a state, or a run [ns]"), rows)
     return Section("Derivatives", METHOD, figures, {"seconds": raw}, listing=listing)
 
@@ -120,29 +122,52 @@ def adjoints() -> dict[str, Contender]:
         x, y, _ = state.tool_pose
         return (x - 0.28) ** 2 + (y - 0.15) ** 2
 
-    made = run()
-    weights = {"tool_pose": np.ones(made.variables["tool_pose"].shape)}
     return {
-        "run": Contender(run),
         "run and robot.gradient": Contender(
             lambda: robot.gradient(away, robot.home, FORCES, duration=1.0)
         ),
+        **of_run(run, "tool_pose"),
+    }
+
+
+def of_run(run: Callable[[], lw.Run], quantity: str) -> dict[str, Contender]:
+    """Return a run, and its adjoint of a quantity, of a run that is there and of one just made."""
+    made = run()
+    weights = {quantity: np.ones(made.variables[quantity].shape)}
+    return {
+        "run": Contender(run),
         "adjoint asked again": Contender(lambda: made.gradient(weights)),
         "run and its adjoint": Contender(lambda: run().gradient(weights)),
     }
 
 
-def over_run(taken: Mapping[str, float]) -> list[Figure]:
-    """Return the times of adjoints over that of the run, which two of them make."""
-    own = taken["run"]
+def stiff_adjoints() -> dict[str, dict[str, Contender]]:
+    """Return runs by the stiff method and their adjoints, of the 3-PRR and the stiff governor."""
+    robot, governor = lw.Robot("prr3"), lw.Robot("flyball_governor")
+    spin = governor.home.with_rates(dict.fromkeys(stiff.JOINTS, 0.0) | {"spindle": stiff.SPIN})
+    runs = {
+        "prr3, rodas": partial(robot.simulate, robot.home, FORCES),
+        "governor, rodas": partial(governor.simulate, spin, rtol=stiff.CHOSEN),
+    }
+    return {
+        name: of_run(partial(run, duration=1.0, method="rodas"), "joint_position")
+        for name, run in runs.items()
+    }
+
+
+def over_run(name: str, taken: Mapping[str, float]) -> list[Figure]:
+    """Return the times of adjoints over that of the run, which all but one of them make; of
+    explicit steps they are promised."""
+    own, most = taken["run"], ADJOINT if name == "prr3" else None
     ways = {
-        "robot.gradient": taken["run and robot.gradient"] - own,
+        "robot.gradient": taken.get("run and robot.gradient", 0.0) - own,
         "asked again": taken["adjoint asked again"],
         "just made": taken["run and its adjoint"] - own,
     }
     return [
-        Figure(f"prr3: adjoint, times a run of 1 s, {way}", seconds / own, "", ADJOINT)
+        Figure(f"{name}: adjoint, times a run of 1 s, {way}", seconds / own, "", most)
         for way, seconds in ways.items()
+        if way != "robot.gradient" or "run and robot.gradient" in taken
     ]
 
 

@@ -149,5 +149,5 @@ def test_derivatives_agree_with_pinocchio_and_are_timed():
     section = gradients.run(rounds=1, robots={"prr3": 6.0})
     found = values(section.figures)
     assert found["3-PRR: largest relative difference of Pinocchio's"] < 1e-9
-    assert len(found) == 12 and all(value > 0 for value in found.values())
+    assert len(found) == 16 and all(value > 0 for value in found.values())
     json.dumps(section.raw)
