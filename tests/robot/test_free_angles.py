@@ -96,6 +96,25 @@ def test_values_that_lock_a_linkage_of_redundant_rows_are_refused():
         free.with_parameters({f"{name}.frames.0.turn.x": 0.01})
 
 
+def test_numbers_of_robots_with_several_redundant_rows():
+    """A mass is that of the description with it; a hinge that is turned out of parallel locks."""
+    mechanism = lw.robots.tripteron()
+    tilts = [f"root_1.frames.{k}.turn.y" for k in (0, 1)]
+    body = next(iter(mechanism.bodies))
+    free = lw.Robot(mechanism).free(f"{body}.mass", *tilts)
+    assert len(free.redundant) > 1
+    with pytest.raises(lw.LinkworkError, match="the loops hold more"):
+        free.with_parameters(dict.fromkeys(tilts, 0.05))
+    heavy = free.with_parameters({f"{body}.mass": 3.0})
+    bodies = mechanism.bodies | {body: mechanism.bodies[body].model_copy(update={"mass": 3.0})}
+    again = lw.Robot(mechanism.model_copy(update={"bodies": bodies}))
+    rates = np.full(3, 0.3)
+    assert np.array_equal(
+        heavy.forward_dynamics(heavy.home.with_rates(rates), np.ones(3)),
+        again.forward_dynamics(again.home.with_rates(rates), np.ones(3)),
+    )
+
+
 def test_bodies_that_give_zz_alone_may_not_be_turned_out_of_their_plane():
     with pytest.raises(lw.MechanismError, match="gives only zz, but free turns of frames"):
         lw.Robot(lw.robots.four_bar()).free("crank_pin.frames.0.turn.x")

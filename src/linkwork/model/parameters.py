@@ -94,7 +94,7 @@ def refuse_held(robot: Model, q: np.ndarray) -> None:
     equations = robot.equations
     if not equations.redundant:
         return
-    Phi = robot.chart.kernel("constraints")(q)[1]
+    Phi = robot.chart.constraint_jacobian(q)
     if len(reflect(equations.natural(Phi)).rows) > len(equations.chart.rows):
         shown = ", ".join(f"{path} = {value:g}" for path, value in robot.parameters.items())
         raise LinkworkError(
