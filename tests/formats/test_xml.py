@@ -9,6 +9,7 @@ import pytest
 from linkwork.formats import load, xml
 from linkwork.mechanism import MechanismError
 
+from tests.catalogue import WHOLE
 from tests.formats import samples
 
 BOMB = (
@@ -160,16 +161,18 @@ def test_a_link_does_not_lead_out_of_the_folder(tmp_path):
 # ----------------------------------------------------------------------------------- garbled models
 
 WORDS = ("", "nan", "x", "1 2", "-1", "0", "world", "a.b", None)
+FEW = 1000 if WHOLE else 20  # elements
 
 
 def garbled(text):
     """Yield the document with each attribute in turn replaced or missing, each element left out,
     doubled or renamed, and each text replaced or missing.
 
-    An attribute meets a third of the words, the next one the next third.
+    An attribute meets a third of the words, of many elements a ninth, the next one the next.
     """
     turn = 0
     count = len(list(ET.fromstring(text).iter()))
+    apart = 3 if count < FEW else 9
     for place in range(1, count):
         for change in ("drop", "double", "rename"):
             root = ET.fromstring(text)
@@ -194,7 +197,7 @@ def garbled(text):
             element.text = own
         for name, value in list(element.attrib.items()):
             turn += 1
-            for word in WORDS[turn % 3 :: 3]:
+            for word in WORDS[turn % apart :: apart]:
                 element.attrib.pop(name) if word is None else element.set(name, word)
                 yield ET.tostring(root)
             element.set(name, value)

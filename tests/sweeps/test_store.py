@@ -18,7 +18,7 @@ import zarr
 from linkwork.sweeps import StudyError, runner, summary, sweep, write
 from linkwork.sweeps.chunk import compute
 
-from tests.sweeps.carts import file, finished, results, study
+from tests.sweeps.carts import FILE, file, finished, results, study
 
 
 def counted(monkeypatch) -> list[int]:
@@ -184,7 +184,7 @@ echo "status $?"
 
 @pytest.mark.skipif(shutil.which("unshare") is None, reason="file systems of our own need unshare")
 def test_a_disk_that_is_really_full(tmp_path):
-    file(tmp_path)
+    file(tmp_path, FILE.replace("members: 1024", "members: 256"))
     (tmp_path / "disk").mkdir()
     words = ["unshare", "-rm", "sh", "-c", SMALL_DISK, "sh", str(tmp_path / "disk"), sys.executable]
     done = subprocess.run(
@@ -197,7 +197,7 @@ def test_a_disk_that_is_really_full(tmp_path):
         done.stdout + done.stderr
     )
     assert len(sentences) == 1 and sentences[0].endswith("the same command goes on from there")
-    assert "1024 finished" in done.stdout and "finished before: " in done.stdout
+    assert "256 finished" in done.stdout and "finished before: " in done.stdout
 
 
 def test_a_folder_that_cannot_be_made(tmp_path):

@@ -43,7 +43,7 @@ WIDE = 10.0  # spread of friction and rotors, over what is described or 1
 SPATIAL, FLAT = 10, 4
 SMALL = 1e-3  # of the robot's mass and length: what stands for a mass or a size that is zero
 NAMES = ("xx", "yy", "zz", "xy", "xz", "yz")
-UPPER = np.triu_indices(3)
+UPPER, DIAGONAL = np.triu_indices(3), np.diag_indices(3)
 """T's numbers: its diagonal's are logarithms."""
 
 
@@ -79,33 +79,36 @@ class PossibleBody:
         """Number of free numbers."""
         return FLAT if self.flat else SPATIAL
 
-    def parts(self, theta: np.ndarray) -> tuple[complex, np.ndarray, np.ndarray]:
-        """Return mass, mass centre and inertia about it (3 x 3) of the body that numbers tell."""
-        gyration = np.sqrt(np.sum(self.root**2) / self.mass)
-        m = self.mass * np.exp(theta[0])
+    def parts(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return mass (...), mass centre (..., 3) and inertia about it (..., 3, 3) of bodies that
+        numbers (..., size) tell."""
+        gyration, stack = np.sqrt(np.sum(self.root**2) / self.mass), theta.shape[:-1]
+        m = self.mass * np.exp(theta[..., 0])
         if self.flat:
-            c = self.centre + gyration * np.array([theta[1], theta[2], 0.0])
-            I = np.zeros((3, 3), theta.dtype)  # noqa: E741
-            I[2, 2] = self.root[0, 0] ** 2 * np.exp(theta[3])
+            c = np.zeros((*stack, 3), theta.dtype)
+            c[...] = self.centre
+            c[..., :2] += gyration * theta[..., 1:3]
+            I = np.zeros((*stack, 3, 3), theta.dtype)  # noqa: E741
+            I[..., 2, 2] = self.root[0, 0] ** 2 * np.exp(theta[..., 3])
             return m, c, I
-        T = np.zeros((3, 3), theta.dtype)
-        T[UPPER] = theta[4:]
-        T[np.diag_indices(3)] = np.exp(np.diagonal(T))
+        T = np.zeros((*stack, 3, 3), theta.dtype)
+        T[..., *UPPER] = theta[..., 4:]
+        T[..., *DIAGONAL] = np.exp(T[..., *DIAGONAL])
         S = self.root @ T
-        Sigma = S @ S.T
-        return m, self.centre + gyration * theta[1:4], np.trace(Sigma) * np.eye(3) - Sigma
+        Sigma = S @ np.swapaxes(S, -1, -2)
+        trace = np.trace(Sigma, axis1=-2, axis2=-1)[..., None, None]
+        return m, self.centre + gyration * theta[..., 1:4], trace * np.eye(3) - Sigma
 
     def moments(self, theta: np.ndarray) -> np.ndarray:
-        """Return mass, first moments and inertia about the frame's origin (10), as the regressor
-        has them."""
+        """Return mass, first moments and inertia about the frame's origin (..., 10), as the
+        regressor has them, of bodies that numbers (..., size) tell."""
         m, c, I = self.parts(theta)  # noqa: E741
-        I_O = I + m * (c @ c * np.eye(3) - np.outer(c, c))
+        m, square = m[..., None], np.sum(c * c, -1)[..., None, None]
+        I_O = I + m[..., None] * (square * np.eye(3) - c[..., None] * c[..., None, :])
         if self.flat:
-            keep = np.zeros((3, 3))
-            keep[2, 2] = 1.0
-            I_O = I_O * keep
-        elements = [I_O["xyz".index(a), "xyz".index(b)] for a, b in NAMES]
-        return np.array([m, *(m * c), *elements])
+            I_O = I_O * np.diag([0.0, 0.0, 1.0])
+        rows, columns = np.array([["xyz".index(axis) for axis in name] for name in NAMES]).T
+        return np.concatenate([m, m * c, I_O[..., rows, columns]], -1)
 
     def body(self, theta: np.ndarray, like: Body) -> Body:
         """Return the body that numbers tell, with the shapes of another."""
@@ -132,16 +135,17 @@ def fitted(
     """Return theta of the least squares of residuals and of theta / spread, and its covariance;
     derivatives by complex steps.
 
-    lower: least values of theta (size)
+    residual: of one theta (size) or a stack of them, (..., size) -> (..., rows); lower: least
+        values of theta (size)
     """
     from scipy.optimize import least_squares
 
     def every(theta: np.ndarray) -> np.ndarray:
-        return np.concatenate([residual(theta), theta / spread])
+        return np.concatenate([residual(theta), theta / spread], -1)
 
     def slopes(theta: np.ndarray) -> np.ndarray:
         steps = theta + 1j * STEP * np.eye(theta.size)
-        return np.array([np.imag(every(step)) / STEP for step in steps]).T
+        return np.imag(every(steps)).T / STEP
 
     found = least_squares(
         every,
@@ -196,13 +200,15 @@ def possible(identification: Identification, *, spread: float = 1.0) -> Mechanis
     size = int(ends[-1])
 
     def pi(theta: np.ndarray) -> np.ndarray:
-        parts = zip(bodies.values(), np.split(theta[:size], ends[:-1]), strict=True)
+        parts = zip(bodies.values(), np.split(theta[..., :size], ends[:-1], -1), strict=True)
         own = [each.moments(part) for each, part in parts]
-        return np.concatenate([*own, effects + scales * theta[size:]])
+        return np.concatenate([*own, effects + scales * theta[..., size:]], -1)
 
     scales = WIDE * np.maximum(effects, 1.0)
     found, _ = fitted(
-        lambda theta: identification.root @ (identification.values - base.combination @ pi(theta)),
+        lambda theta: (
+            (identification.values - pi(theta) @ base.combination.T) @ identification.root.T
+        ),
         spread,
         np.concatenate([np.full(size, -np.inf), -effects / scales - 1e-300]),
     )
@@ -315,7 +321,7 @@ def payload(
         )
     guess = PossibleBody(mass, at, np.sqrt(mass) * root, flat)
     theta, covariance = fitted(
-        lambda theta: weights * (right - rows @ guess.moments(theta)),
+        lambda theta: weights * (right - guess.moments(theta) @ rows.T),
         spread,
         np.full(guess.size, -np.inf),
     )
