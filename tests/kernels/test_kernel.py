@@ -338,6 +338,14 @@ def test_machine_code_can_be_read_and_counted():
     assert kernel.instruction_count("batch") > kernel.instruction_count("one")
 
 
+def test_numbers_of_instructions_are_counted_once(monkeypatch: pytest.MonkeyPatch):
+    x = ca.SX.sym("x", 3)
+    f = ca.Function("counted", [x], [x[0] * x[1] - x[2] / x[0]])
+    found = {kind: compile_function(f).instruction_count(kind) for kind in FUNCTIONS}
+    monkeypatch.setattr("linkwork.kernels.listing.listing", None)
+    assert {kind: compile_function(f).instruction_count(kind) for kind in FUNCTIONS} == found
+
+
 x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import isfinite
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -28,6 +28,7 @@ from linkwork.gradients.records import (
 from linkwork.kernels import Kernel
 from linkwork.model import checks, evaluation
 from linkwork.model.charts import CompiledChart
+from linkwork.model.directly import DirectCalls
 from linkwork.model.reordering import evaluated
 from linkwork.model.state import State
 from linkwork.threads import number_of
@@ -50,6 +51,11 @@ class Differentiated(NamedTuple):
 @lru_cache(maxsize=256)
 def jacobian(chart: CompiledChart, what: str) -> Kernel:
     return compiled(chart, what, "jacobian")
+
+
+def direct_jacobians(robot: Model, what: str) -> DirectCalls:
+    """Return the shortest calls of a Jacobian at one state."""
+    return DirectCalls(robot.coordinates, robot.charts, partial(jacobian, what=what), True)
 
 
 def derivative_kernel(
@@ -92,7 +98,10 @@ def told(
     widths = (n, n, *(part.shape[-1] for part in given), len(robot.p))
     if robot.parameters:
         refuse_opened(robot, chart, state)
-    # One state takes the shortest way.
+    # One state takes the shortest way, or that up to where there is code.
+    y = robot.once(direct_jacobians, what).at(state, *given)
+    if y is not None:
+        return parts_of(kernel, y, widths)
     if q.ndim == 1 and all(part.ndim == 1 for part in given):
         y = kernel.flat(q, v, *given, robot.p)
         if abs(y.item(-1)) > checks.PIVOT_BOUND and isfinite(y.dot(y)):

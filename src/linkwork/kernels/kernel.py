@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from linkwork.kernels.emit import ABREAST, Kind
 from linkwork.kernels.interpreter import LONG, PAYS, Interpreted, found_or_told
-from linkwork.kernels.listing import instruction_count, listing
+from linkwork.kernels.listing import kept_count, listing
 from linkwork.kernels.machine import this_machine
 from linkwork.kernels.module import Module, load
 from linkwork.kernels.program import KernelError, Program, signature, trace
@@ -227,7 +227,7 @@ class Kernel:
 
     def instruction_count(self, kind: Kind) -> int:
         """Return the number of machine instructions of the function of that kind."""
-        return instruction_count(self.assembly(kind))
+        return kept_count(*self._source(kind))
 
     def traced(self) -> Program:
         """Return the function as a straight-line program."""

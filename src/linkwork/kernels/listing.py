@@ -1,11 +1,16 @@
 """The machine instructions of a program, to be read and counted."""
 
 import re
+from collections.abc import Callable
 
+import casadi as ca
+
+from linkwork.kernels import cache
 from linkwork.kernels.compile import assembly
 from linkwork.kernels.dense import source_text
 from linkwork.kernels.emit import Kind
-from linkwork.kernels.machine import Machine
+from linkwork.kernels.machine import Machine, this_machine
+from linkwork.kernels.module import entry_of
 from linkwork.kernels.program import Program
 
 
@@ -22,3 +27,16 @@ def listing(program: Program, machine: Machine, kind: Kind) -> str:
 def instruction_count(listing: str) -> int:
     """Return the number of machine instructions in a listing."""
     return len(re.findall(r"^\t[a-z]\w*", listing, re.MULTILINE))
+
+
+def kept_count(f: ca.Function, program: Callable[[], Program], kind: Kind) -> int:
+    """Return the number of machine instructions of a function, of one kind, kept as its code is.
+
+    program: makes the function's program, which is needed where the number is not in the cache.
+    """
+    entry = entry_of(f.serialize(), f"instructions, {kind}")
+    content = cache.read(entry)
+    if content is None:
+        content = b"%d" % instruction_count(listing(program(), this_machine(), kind))
+        cache.write(entry, content)
+    return int(content)

@@ -118,7 +118,7 @@ class Model(SetOnce):
         return lru_cache(maxsize=1024)(lambda function, *given: function(self, *given))
 
     @cached_property
-    def directly(self) -> Callable[[str], DirectCalls]:
+    def directly(self) -> Callable[..., DirectCalls]:
         """Return the shortest calls of a kernel at one state, by its name."""
         return lru_cache(maxsize=None)(partial(DirectCalls, self.coordinates, self.charts))
 

@@ -20,7 +20,7 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism import TurnAbout
 from linkwork.mechanism.task import NAMES, TaskCoordinate, label, labels
 from linkwork.model import checks
-from linkwork.model.asked import TWIST_ROWS, ToolAsked, long_name
+from linkwork.model.asked import TWIST_ROWS, ToolAsked, long_name, task_kernel
 from linkwork.model.labels import POSES
 
 if TYPE_CHECKING:
@@ -234,13 +234,20 @@ def asked_of(robot: Model, size: int, what: Sequence[str] | None = None) -> Tool
 def values(robot: Model, q: np.ndarray, task: Task, p: np.ndarray | None = None) -> np.ndarray:
     """Return the task coordinates (..., k) of configurations (..., nq), whole rotation vectors
     included; p: free parameters, the robot's own if left out."""
-    asked = ToolAsked(task, robot.equations.tree.length, robot.planar)
-    (pose,) = robot.chart.compiled("tool frame", tool_frame)(
-        q.reshape(-1, q.shape[-1]), robot.p if p is None else p
-    )
+    asked, kernel = robot.once(asked_in, task), robot.chart.compiled("tool frame", tool_frame)
+    own = robot.p if p is None else p
+    if q.ndim == own.ndim == 1:
+        pose = kernel.flat(q, own)
+        return asked.told(task_kernel(asked.held).flat(pose, np.zeros(6))[: len(task)])
+    (pose,) = kernel(q.reshape(-1, q.shape[-1]), own)
     parts = {"position": pose[:, :3], "orientation": pose[:, 3:12], "angle": pose[:, 12:]}
     found = asked.told(asked.mapped(parts)[0])
     return found.reshape(*q.shape[:-1], len(task))
+
+
+def asked_in(robot: Model, task: Task) -> ToolAsked:
+    """Return what values of task coordinates ask for."""
+    return ToolAsked(task, robot.equations.tree.length, robot.planar)
 
 
 def tool_frame(equations: Equations) -> ca.Function:

@@ -42,28 +42,44 @@ class ToolMotion:
 
     def led(self, task: Task) -> LedMotion:
         """Return the same in task coordinates."""
-        _, E, bias = task_kernel(task)(self.pose, self.twist)
-        E = np.swapaxes(E.reshape(*E.shape[:-1], 6, len(task)), -1, -2)
-        wrong = ~(np.abs(E).max(axis=-1) < STEEP)
-        if wrong.any():
+        x, kernel = (self.pose, self.twist), task_kernel(task)
+        if self.pose.ndim == 1:
+            found, k = kernel.flat(*x), len(task)
+            E, bias = found[k : 7 * k], found[7 * k :]
+        else:
+            _, E, bias = kernel(*x)
+        if not np.abs(E).max(initial=0.0) < STEEP:
+            steep = ~(np.abs(E.reshape(-1, len(task))).max(axis=0) < STEEP)
             raise LinkworkError(
-                f"the tool's {label(task[int(np.argwhere(wrong)[0][-1])])} has no rate at this "
-                "pose; choose another coordinate there"
+                f"the tool's {label(task[int(np.argmax(steep))])} has no rate at this pose; choose "
+                "another coordinate there"
             )
-        return LedMotion(
-            E @ self.T,
-            (E @ self.twist[..., None])[..., 0],
-            (E @ self.acceleration[..., None])[..., 0] + bias,
-        )
+        E = np.swapaxes(E.reshape(*E.shape[:-1], 6, len(task)), -1, -2)
+        return LedMotion(E, bias, self)
 
 
 @dataclass(frozen=True, eq=False)
 class LedMotion:
-    """Hold J (..., k, n), x' and x'' (..., k) of task coordinates."""
+    """Hold how the tool of a motion moves in task coordinates: E (..., k, 6), and E' t (..., k)."""
 
-    jacobian: np.ndarray
-    rates: np.ndarray
-    accelerations: np.ndarray
+    E: np.ndarray
+    bias: np.ndarray
+    tool: ToolMotion
+
+    @property
+    def jacobian(self) -> np.ndarray:
+        """J (..., k, n)."""
+        return self.E @ self.tool.T
+
+    @property
+    def rates(self) -> np.ndarray:
+        """x' (..., k)."""
+        return (self.E @ self.tool.twist[..., None])[..., 0]
+
+    @property
+    def accelerations(self) -> np.ndarray:
+        """x'' (..., k)."""
+        return (self.E @ self.tool.acceleration[..., None])[..., 0] + self.bias
 
 
 def tool_motion(robot: Model, state: State, accelerations: np.ndarray | None = None) -> ToolMotion:
@@ -71,8 +87,12 @@ def tool_motion(robot: Model, state: State, accelerations: np.ndarray | None = N
     robot.require_tool()
     v = robot.own(state).rates
     v_dot = 0 * v if accelerations is None else accelerations
+    found, n = robot.directly("tool_motion", True).at(state, v_dot), len(state.independent)
+    if found is not None:
+        T, twist, acceleration = found[13:-12].reshape(n, 6).T, found[-12:-6], found[-6:]
+        return ToolMotion(found[:13], T, twist, acceleration)
     checks.together(state.batch, v_dot.shape[:-1])
     pose, T, twist, acceleration, pivot = outputs(robot, "tool_motion", state, v, v_dot)
     require_regular(robot, state, pivot, acceleration, v_dot, "accelerations")
-    T = np.swapaxes(T.reshape(*T.shape[:-1], len(state.independent), 6), -1, -2)
+    T = np.swapaxes(T.reshape(*T.shape[:-1], n, 6), -1, -2)
     return ToolMotion(pose, T, twist, acceleration)
