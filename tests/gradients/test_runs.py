@@ -381,6 +381,21 @@ def test_forces_that_jump_at_an_event_carry_the_jump_over():
     assert [*back.values()] == pytest.approx(sums, rel=1e-12, abs=1e-13)
 
 
+@pytest.mark.parametrize("method", [None, "rodas"])
+def test_a_step_that_ends_at_an_event_is_weighed_as_the_others(method):
+    """It is a sample of the run and of the event."""
+    robot = lw.Robot(CART)
+    options = TIGHT if method is None else {"method": method}
+    events = [
+        Event(lambda t, state, a=a: state["rail"] - a, cuts=True) for a in (0.1, 0.2, 0.3, 0.4)
+    ]
+    run = robot.simulate(robot.home, [2.0], duration=1.2, events=events, **options)
+    tangents = run.sensitivity("joint_position").joint_position.values[:, 0]
+    for weights in np.eye(len(run.time)):
+        back = run.gradient({"joint_position": weights[:, None]})
+        assert [*back.values()] == pytest.approx(weights @ tangents, rel=1e-10, abs=1e-12)
+
+
 def test_branches_without_a_jump_need_no_event():
     robot = lw.Robot(CART)
 

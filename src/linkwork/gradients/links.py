@@ -219,7 +219,7 @@ class Steps(RunLink):
 
     def against(self, slopes: LossSlopes) -> None:
         ends, inner = np.zeros(self.y.shape), slopes.sample_y[self.numbers]
-        ends[self.rows] = slopes.sample_y[self.at_rows]
+        np.add.at(ends, self.rows, slopes.sample_y[self.at_rows])  # events are samples, too
         bar, held = slopes.y.copy(), slopes.held.copy()
         for numbers in (self.at_rows, self.numbers) if held.size else ():
             held += slopes.sample_held[numbers].sum(axis=0)
