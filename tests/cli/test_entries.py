@@ -4,14 +4,15 @@ is refused."""
 import numpy as np
 import pytest
 
-from linkwork.cli.entries import by_name, numbers, of_tool, read_columns
+import linkwork as lw
+from linkwork.cli.entries import by_name, read_columns
+from linkwork.cli.start import coordinates_given, tool_given
 from linkwork.errors import LinkworkError
 
 NAMES = ("slide_1", "slide_2", "slide_3")
 
 
 def test_values_are_read_in_order_or_by_name():
-    assert numbers("0.5, -1e-3,2", "--tool") == [0.5, -1e-3, 2.0]
     assert by_name("5,0,-1", NAMES, "--forces") == {"slide_1": 5.0, "slide_2": 0.0, "slide_3": -1.0}
     assert by_name("slide_3=2, slide_1 = -1", NAMES, "--forces") == {
         "slide_3": 2.0,
@@ -96,9 +97,34 @@ def test_files_that_cannot_be_read_are_refused(tmp_path):
         read_columns(tmp_path / "image.csv", NAMES)
 
 
-def test_the_tool_is_given_by_numbers_or_by_name():
-    assert of_tool("0.5,-1", "--tool") == [0.5, -1.0]
-    assert of_tool("z = 0.5, rx=-1", "--tool") == {"z": 0.5, "rx": -1.0}
-    for wrong, told in (("z=1,2", "has no name"), ("z=1,z=2", "twice"), ("z=up", "not a number")):
+def test_the_tool_is_given_by_numbers_or_by_name_with_units_or_without():
+    flat, spatial = (lw.Robot(of()) for of in (lw.robots.prr3, lw.robots.stewart))
+    assert tool_given(flat, "0.5,-40mm,90 deg") == [0.5, -0.04, np.pi / 2]
+    assert tool_given(spatial, "z = 50cm, rx=-1") == {"z": 0.5, "rx": -1.0}
+    for wrong, told in (
+        ("z=1,2", "has no name"),
+        ("z=1,z=2", "twice"),
+        ("z=up", "not a number"),
+        ("z=30deg", "the unit is not known; it is no angle, in m, cm, mm"),
+        ("rx=1mm", "it is an angle, in rad, deg"),
+    ):
         with pytest.raises(LinkworkError, match=told):
-            of_tool(wrong, "--tool")
+            tool_given(spatial, wrong)
+
+
+def test_angles_far_beyond_their_limits_are_told(capsys):
+    """A joint without limits from zero on; two whole turns are none too many."""
+    hinge = {"type": "revolute", "connects": ("ground", "arm")}
+    limited = hinge | {"connects": ("arm", "hand"), "limits": {"lower": -1, "upper": 20}}
+    mechanism = lw.Mechanism(
+        bodies={"arm": {"mass": 1.0}, "hand": {"mass": 1.0}},
+        joints={"crank": hinge, "screw": limited},
+    )
+    for text, told in (
+        ("crank=12,screw=32", ""),
+        ("crank=120", "crank is taken as 120 rad, 19.1 turns; degrees are written crank=120deg"),
+        ("screw=-14", "screw is taken as -14 rad, -2.23 turns"),
+    ):
+        coordinates_given(mechanism, text, "--joints")
+        said = capsys.readouterr().err
+        assert told in said if told else not said

@@ -338,6 +338,9 @@ LEFT_OUT = {
         "<contact><exclude body1='b' body2='world'/></contact>"
     ): "<contact> is left out: contacts are no part of a mechanism",
     "<sensor/>": "<sensor> is left out",
+    (
+        "<actuator><motor joint='j' ctrlrange='1 -1'/></actuator>"
+    ): "<motor> says ctrlrange '1 -1': no limit, here as in MuJoCo, for the lower end is above",
     "<wings/>": "<wings> is left out: it is not known",
     "<option><flag spring='disable'/></option>": "<flag> switches spring off, which is left out",
     "<equality><flex/></equality>": (

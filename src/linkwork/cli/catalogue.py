@@ -5,14 +5,14 @@ from pathlib import Path
 
 from linkwork import robots
 from linkwork.cli.caveats import tell
-from linkwork.cli.entries import by_name
 from linkwork.cli.source import Source
+from linkwork.cli.start import coordinates_given
 from linkwork.cli.terminal import console, show_json, table
 from linkwork.errors import LinkworkError
 from linkwork.formats.models import warn
 from linkwork.formats.named import named as find_named
 from linkwork.formats.reading import PLAIN, Reading
-from linkwork.formats.references import SUFFIXES, angles_of, referred
+from linkwork.formats.references import SUFFIXES, referred
 from linkwork.mechanism import Mechanism
 from linkwork.robot import Robot
 
@@ -40,8 +40,7 @@ def about(mechanism: Mechanism, source: Source) -> Mechanism:
         return mechanism
     if "=" not in given and Path(given).suffix.lower() in SUFFIXES:
         return referred(mechanism, given)
-    angles = angles_of(mechanism)
-    return mechanism.with_reference(by_name(given, mechanism.coordinates, "--reference", angles))
+    return mechanism.with_reference(coordinates_given(mechanism, given, "--reference"))
 
 
 def named(name: str, reading: Reading = PLAIN) -> Mechanism:

@@ -15,19 +15,6 @@ from linkwork.formats.references import amount
 TIME = "time"
 
 
-def numbers(text: str, option: str) -> list[float]:
-    """Return the numbers of "0.52,0.27,0.42"."""
-    return [number(part, option) for part in text.split(",")]
-
-
-def of_tool(text: str, option: str) -> list[float] | dict[str, float]:
-    """Return the numbers of a tool's coordinates, "0.52,0.27,0.42", or by name, "z=0.5,rx=0.1"."""
-    if "=" not in text:
-        return numbers(text, option)
-    names = [part.partition("=")[0].strip() for part in text.split(",")]
-    return by_name(text, names, option)
-
-
 def by_name(
     text: str,
     names: Sequence[str],

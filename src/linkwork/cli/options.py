@@ -68,7 +68,7 @@ ToolPose = Annotated[
         "--tool",
         metavar="POSE",
         help="The tool at 'x,y,angle' (in space 'x,y,z,rx,ry,rz'), at the numbers of its task, or "
-        "by name, 'z=0.5,rx=0.1'; m and rad.",
+        "by name, 'z=0.5,rx=0.1'; m and rad, or with units ('z=12cm,rx=30deg').",
     ),
 ]
 What = Annotated[

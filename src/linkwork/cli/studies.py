@@ -12,7 +12,7 @@ import numpy as np
 from linkwork import analysis
 from linkwork.checks import amount
 from linkwork.cli.catalogue import built, refuse_existing
-from linkwork.cli.entries import axes, by_name, names, number, of_tool, ranges
+from linkwork.cli.entries import axes, by_name, names, number, ranges
 from linkwork.cli.poses import (
     FEW,
     equilibrium_told,
@@ -23,7 +23,7 @@ from linkwork.cli.poses import (
     tidy_pose,
 )
 from linkwork.cli.source import Source
-from linkwork.cli.start import StartOptions, joints_given
+from linkwork.cli.start import StartOptions, joints_given, tool_given
 from linkwork.cli.terminal import console, facts, patience, show_json, table, tidy
 from linkwork.equations.body_motion import pose_places
 from linkwork.errors import LinkworkError
@@ -95,7 +95,7 @@ def modes(
     robot = made(source)
     with patience("looking for all solutions"):
         if tool is not None:
-            given = of_tool(tool, "--tool")
+            given = tool_given(robot, tool)
             what = tuple(given) if isinstance(given, dict) else None
             values = list(given.values()) if isinstance(given, dict) else given
             found = analysis.working_modes(robot, values, what=what, starts=starts, seed=seed)

@@ -112,6 +112,10 @@ def write_inertial(sheet: Sheet, element: ET.Element, seat: Seat, body: Body) ->
         )
     if a + b < c * (1 + FLAT):
         I = I + FLAT * c * np.eye(3)  # noqa: E741
+        sheet.notes.say(
+            f"moments of flat bodies are written larger by {FLAT:g} of the greatest: MuJoCo "
+            "refuses one that is the sum of the others but for its rounding"
+        )
     if seat.moves and a < LEAST:
         added = max(mass * POINT_RADIUS**2, LEAST)
         I = I + added * np.eye(3)  # noqa: E741

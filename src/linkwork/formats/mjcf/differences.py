@@ -44,6 +44,15 @@ def tell_differences(sheet: Sheet) -> None:
     if any(own.stop for own in stopped):
         say("stops are left out: MuJoCo's limits follow another law, by solreflimit")
     # What is closed, measured or joined otherwise.
+    if closing := dict.fromkeys(
+        tie.name.removesuffix(".near").removesuffix(".far")
+        for tie in sheet.plan.ties
+        if tie.kind == "connect"
+    ):
+        say(
+            f"{', '.join(closing)}: closes a loop by a connect, which has no coordinates; read "
+            "back they count from home, and may count in the other direction"
+        )
     if "weld" in kinds:
         parts = ", ".join(tie.name for tie in sheet.plan.ties if tie.kind == "weld")
         say(

@@ -161,6 +161,10 @@ BOUNDS = (
 )  # attributes of that kind
 
 
+RANGES = {"range", "ctrlrange", "forcerange", "actrange", "actuatorfrcrange"}
+OUT_OF_ORDER = "no limit, here as in MuJoCo, for the lower end is above the upper one"
+
+
 def survey(document: Document, notes: Notes, unmade: str = UNMADE) -> None:
     """Note all sections, elements and attributes of a document that are left out; unmade: what is
     said of the makers."""
@@ -234,6 +238,8 @@ def _equality(element: Element, notes: Notes) -> None:
 def _attributes(element: Element, tag: str, notes: Notes, silent: set[str] | None = None) -> None:
     """Note the attributes of an element that are not read and may matter."""
     for name, value in element.attributes.items():
+        if name in RANGES and _out_of_order(value):
+            notes.on(element, f"says {name} {value!r}: {OUT_OF_ORDER}", alters=name not in BOUNDS)
         if name in COMMON or name in (ATTRIBUTES.get(tag, set()) if silent is None else silent):
             continue
         if all(_is_nothing(word) for word in value.split()):
@@ -245,6 +251,15 @@ def _attributes(element: Element, tag: str, notes: Notes, silent: set[str] | Non
             f"says {name}, which is left out" + (f": {consequence}" if consequence else ""),
             alters,
         )
+
+
+def _out_of_order(value: str) -> bool:
+    """Tell whether a range ends below its beginning; whatever is no range is refused elsewhere."""
+    try:
+        low, high = map(float, value.split())
+    except ValueError:
+        return False
+    return low > high
 
 
 def _is_nothing(word: str) -> bool:
