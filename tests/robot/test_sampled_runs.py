@@ -149,3 +149,16 @@ def test_what_cannot_be_run_again_says_so(robot, tmp_path):
 def test_samples_that_are_none_are_refused(run, samples):
     with pytest.raises(lw.LinkworkError, match=r"samples|times|save_at"):
         run.resampled(samples)
+
+
+@pytest.mark.parametrize("rate", [-52.85136808001807, 61.7, 140.0])
+def test_what_is_saved_of_a_run_does_not_change_it(rate):
+    """Long steps, whose projection ends with a Newton step that is no better than it has to be."""
+    robot = lw.Robot("four_bar")
+    start, asked = robot.home.with_rates([rate]), {"duration": 0.05, "method": "dop853"}
+    every = robot.simulate(start, **asked)
+    ends = [robot.simulate(start, **asked, save_at=times) for times in ([0.05], every.time)]
+    for other in (*ends, robot.ensemble(start, **asked)):
+        final = other.final.q if isinstance(other, lw.Run) else other.final.q[0]
+        assert np.array_equal(final, every.final.q)
+    assert np.abs(every["closure_error"].values).max() < 1e-12

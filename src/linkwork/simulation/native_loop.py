@@ -251,6 +251,10 @@ def between(run):
         add_turns(room.x, run.turns, room.nq)
         call(run.kernels.events, room.x, run.scene.g)
     # The row of this state: only here its inputs are known.
+    if course.every_step and not first and run.kernels.closure != 0:
+        copy(room.y, room.sample, room.n)
+        run.residual = project(run, True, room.sample)
+        run.closure_error = max(run.closure_error, run.residual)
     if course.every_step or (first and run.asked > 0 and run.times[0] == t):
         run.row = run.saved
         record(run, t, room.y, run.residual, -1.0)

@@ -254,9 +254,8 @@ def project(run, measured, state):
     """Project q, the head of a state, onto phi(q) = 0 by Newton's method in z; return the residual.
 
     The state is written only when |phi(q)| is within the tolerance, run.loose; z is left with what
-    was added to q. Where the residual need not be `measured`, a step d with RESERVE d^2 <=
-    run.loose is the last, and its residual is returned as 0 (if the residual before it is as small
-    as it: a step that leads nowhere is none).
+    was added to q. Unless the residual is `measured`, a step d with RESERVE d^2 <= run.loose is the
+    last, and 0 is returned (if the residual before is as small: a step to nowhere is none).
     """
     closure, tolerance = run.kernels.closure, run.loose
     nq, z, z_next = run.room.nq, run.room.z, run.room.z_next
