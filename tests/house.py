@@ -47,6 +47,7 @@ WINGS = {
     "sines and cosines": ("angles", "elementary"),
     "stacks of states": ("dense", "stacks", "stored_states", "transposed"),
     "calls from Python": ("directly", "from_python"),
+    "machine code, read and counted": ("listing",),
     "compiled by Numba": ("compiled", "pointers", "structures"),
     "kept and sent": ("cache", "derivations", "pickled"),
     # What a robot is asked at a state.

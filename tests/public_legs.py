@@ -289,8 +289,9 @@ def times(leg: analysis.ActuationModel) -> tuple[list[float], list[float]]:
     states = robot.state(np.repeat(home.positions[None], STACK, axis=0))
     states = states.with_rates(random.normal(size=(STACK, len(home.independent))))
     one, u = states.at(0), random.normal(size=(STACK, k))
+    first = u[0]
     return (
-        [1e6 * best(lambda call=call: call(leg, one, u[0]), 500) for call in CALLS.values()],
+        [1e6 * best(lambda call=call: call(leg, one, first), 500) for call in CALLS.values()],
         [1e9 * best(lambda call=call: call(leg, states, u), 1) / STACK for call in CALLS.values()],
     )
 

@@ -24,6 +24,7 @@ CALLS: dict[str, Asked] = {
     "forward": lambda robot, state, given: robot.forward_dynamics(state, given),
     "inverse": lambda robot, state, given: robot.inverse_dynamics(state, given),
     "derivatives": lambda robot, state, given: told(robot, state, given).by_q,
+    "terms": lambda robot, state, given: robot.mass_matrix(state) + robot.coriolis(state),
     "its tool": lambda robot, state, given: robot.tool_acceleration(state, given),
 }
 KERNELS = "motion", "inverse_dynamics", "tool_motion"
@@ -64,7 +65,7 @@ def told(robot: lw.Robot, state: Any, given: Any) -> ForwardDynamicsDerivatives:
 
 def moving(robot: lw.Robot) -> State:
     """Return a state that moves, of a robot that has code."""
-    for name in KERNELS[: 3 if robot.mechanism.tools else 2]:
+    for name in ("terms", *KERNELS[: 3 if robot.mechanism.tools else 2]):
         assert robot.kernel(name).address
     assert derivatives.derivative_kernel(robot, "forward_dynamics").address
     return robot.home.with_rates(np.linspace(0.1, 0.3, robot.mobility))
@@ -75,6 +76,7 @@ def robot() -> lw.Robot:
     robot = lw.Robot("prr3").free("platform.mass")
     state = moving(robot)
     calls = [robot.directly(name) for name in KERNELS]
+    assert robot.directly("terms", True).at(state) is not None
     for call in (*calls, robot.once(derivatives.direct_jacobians, "forward_dynamics")):
         assert call.at(state, U) is not None
     return robot
@@ -129,7 +131,7 @@ def test_states_are_answered_or_refused_alike(robot, monkeypatch, call):
             assert straight == long, name
 
 
-@pytest.mark.parametrize("call", list(CALLS)[:3])
+@pytest.mark.parametrize("call", list(CALLS)[:4])
 def test_singular_configurations_are_refused_alike(monkeypatch, call):
     """Where crank and rod are stretched the slider's rate does not determine the others."""
     robot = slider_driven()

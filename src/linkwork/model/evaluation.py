@@ -202,9 +202,11 @@ class MotionTerms(NamedTuple):
 
 def terms(robot: Model, state: State) -> MotionTerms:
     """Return the terms of the equations of motion in a state or a stack of states."""
-    M, Cv, G, f, pivot = outputs(robot, "terms", robot.own(state), state.rates)
+    found, n = robot.directly("terms", True).at(state), len(robot.own(state).independent)
+    if found is not None:
+        return MotionTerms(found[: n * n].reshape(n, n), *found[n * n :].reshape(3, n))
+    M, Cv, G, f, pivot = outputs(robot, "terms", state, state.rates)
     require_regular(robot, state, pivot, Cv, state.rates, "rates")
-    n = len(state.independent)
     return MotionTerms(M.reshape(*state.batch, n, n), Cv, G, f)
 
 
