@@ -171,6 +171,18 @@ RUN = ("simulate", "prr3", "--duration", 0.1)
         (("follow", "prr3", "--path", CIRCLE, "--duration", 1, "--out", "no/a.csv"), "no folder"),
         (("dynamics", "prr3", "--forces", "1,2,3", "--accelerations", "1,2,3"), "both given"),
         (("inverse", "prr3"), "use 'linkwork dynamics'"),
+        (
+            ("follow", "prr3", "--path", "none.csv", "--duration", 3),
+            "--path none.csv has times of its own; leave --duration out",
+        ),
+        (
+            ("follow", "prr3", "--path", CIRCLE, "--out", "a.csv", "--forces-out", "./a.csv"),
+            "--out and --forces-out are both a.csv; name two files",
+        ),
+        (
+            ("follow", "prr3", "--path", CIRCLE, "--duration", 1, "--what", "x,x,y"),
+            "x, x, y names a coordinate twice",
+        ),
         (("trajectory", "prr3"), "use 'linkwork follow'"),
     ],
 )  # fmt: skip

@@ -104,6 +104,9 @@ def test_coordinates_of_a_tool_bear_the_names_of_its_task(tmp_path):
     assert header.endswith(",z,z',z'',rz,rz',rz''")
     legend = plot_timed_path(path, table).axes[0].get_legend()
     assert legend.get_texts()[3].get_text() == "rz"
+    read = motions.read_csv(tmp_path / "e.csv")
+    led = motions.follow(table, read, samples=11, what=table.task)
+    assert led.tool == pytest.approx(motions.follow(table, path, samples=11).tool, abs=1e-5)
     with pytest.raises(LinkworkError, match="the 4 coordinates of the path are those of a tool"):
         motions.write_csv(tmp_path / "e.csv", path)
     pointing = Robot(three_legs("RRS", task=("z", "direction_x", "direction_y")))

@@ -9,7 +9,7 @@ import numpy as np
 
 from linkwork.checks import amount
 from linkwork.cli.catalogue import built, refuse_existing
-from linkwork.cli.led import along
+from linkwork.cli.led import along, tabled
 from linkwork.cli.source import Source
 from linkwork.cli.start import StartOptions
 from linkwork.cli.terminal import console, facts, patience, show_json, table, tidy
@@ -41,6 +41,8 @@ class Files:
             if not file.parent.is_dir():
                 raise LinkworkError(f"{option} {file}: there is no folder '{file.parent}'")
             refuse_existing(file, self.overwrite)
+        if self.motion and self.forces and self.motion.resolve() == self.forces.resolve():
+            raise LinkworkError(f"--out and --forces-out are both {self.motion}; name two files")
 
     def write(self, robot: Robot, motion: Motion, forces: Sampled | None) -> list[Path]:
         """Write what is asked for, and return the files."""
@@ -71,6 +73,8 @@ def follow(
     files.check()
     if samples < 2:
         raise LinkworkError(f"--samples {samples}: give at least 2")
+    if tabled(path) and duration is not None:
+        raise LinkworkError(f"--path {path} has times of its own; leave --duration out")
     with patience("deriving the equations of motion"):
         robot = built(source)
     with patience("following the path"):

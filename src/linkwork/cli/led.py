@@ -76,16 +76,16 @@ def along(
 ) -> Motion:
     """Return the motion along a path: of a table over its own time, of words over a duration [s].
 
-    what: names of the tool's coordinates that the path has; those of its task if left out
+    what: names of the tool's coordinates that the path has; those of its task if left out, and
+    joints' of a table
     """
     if tabled(text):
-        if what is not None:
-            raise LinkworkError("--what names coordinates of the tool, but a table has joints'")
         columns = read_columns(Path(text))
-        names = robot.independent if {*robot.independent} <= {*columns} else ()
+        names = what or (robot.independent if {*robot.independent} <= {*columns} else ())
         if {*robot.coordinates} <= {*columns}:  # which say on which branch it is
             guess = robot.state({name: columns[name][0] for name in robot.coordinates})
-        return motions.follow(robot, motions.read_csv(text, names), samples=samples, guess=guess)
+        timed = motions.read_csv(text, names)
+        return motions.follow(robot, timed, samples=samples, guess=guess, what=what)
     path = record_of(text, option, PATHS).path
     if duration is None:
         raise LinkworkError(f"{option} says no times; give --duration, too")

@@ -205,6 +205,8 @@ def asked_of(robot: Model, size: int, what: Sequence[str] | None = None) -> Tool
     length = robot.equations.tree.length
     if what is not None:
         task = known(robot, checks.names(what, "what"))
+        if len({*what}) < len(task):
+            raise LinkworkError(f"{', '.join(what)} names a coordinate twice; name each once")
         if len(task) != size:
             raise LinkworkError(
                 f"{size} numbers are given for {', '.join(labels(task)) or 'nothing'}; give "

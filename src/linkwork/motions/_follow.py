@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,7 +44,9 @@ def follow(
         keep_limits: refuse a motion that leaves the range of a joint, or moves one faster than its
             limit of speed.
         what: names of the coordinates of the tool that the path leads, as `Robot.follow` takes
-            them; those of its `task`, or of its pose, if left out.
+            them; those of its `task`, or of its pose, if left out. A table that has columns of
+            these names leads the tool, not joints: `follow(robot, read_csv(file, what),
+            what=what)`.
 
     Returns:
         A `Motion`, for `robot.inverse_dynamics`, controllers, plots and tables.
@@ -63,7 +66,7 @@ def follow(
         raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
     samples = sample_count(samples)
     if what is not None:
-        what = names_of(timed, what)
+        timed, what = of_tool(timed, checks.names(what, "what"))
     links = bool(timed.names) and leads_links(robot, timed.names)
     if not links:
         require_points(robot, timed, guess, what)
@@ -80,20 +83,19 @@ def follow(
     return motion
 
 
-def names_of(timed: TimedPath, what: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the tool's coordinates; refuse another number of them than the path
-    has, and any for a path of joints."""
-    told = checks.names(what, "what")
-    if timed.names:
+def of_tool(timed: TimedPath, what: tuple[str, ...]) -> tuple[TimedPath, tuple[str, ...]]:
+    """Return a path of the tool's coordinates of these names, as a table of them is; refuse another
+    number of them than the path has, and a path of joints."""
+    if timed.names and timed.names != what:
         raise LinkworkError(
             f"the path leads the joints {', '.join(timed.names)}; leave what={checks.shown(what)} "
             "out, or give a path of the tool"
         )
-    if len(told) != (size := timed.sample(np.zeros(1))[0].shape[1]):
+    if len(what) != (size := timed.sample(np.zeros(1))[0].shape[1]):
         raise LinkworkError(
-            f"what={checks.shown(what)} names {len(told)} coordinates, but the path leads {size}"
+            f"what={checks.shown(what)} names {len(what)} coordinates, but the path leads {size}"
         )
-    return told
+    return replace(timed, names=()), what
 
 
 def require_points(
