@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from time import thread_time
 from typing import Literal
 
 import numpy as np
@@ -147,7 +146,7 @@ def optimal_motion(
             f"the guess is {checks.shown(guess)}; give a timed path made by linkwork.motions"
         )
     timed = straight(robot, ends, limits) if guess is None else guess
-    search = MotionSearch(robot, ends, limits, timed, count, apart, thread_time() + seconds)
+    search = MotionSearch(robot, ends, limits, timed, count, apart, seconds)
     found, own = search.quickest() if duration is None else search.gentlest(duration)
     if not found.settled:
         warnings.warn(

@@ -25,8 +25,8 @@ Found = tuple[LocalOptimum, MotionGuess]
 
 @dataclass(frozen=True, eq=False)
 class MotionSearch:
-    """Look for motions between two states (start, end), near a timed path, until the clock of this
-    thread shows some time [s]; apart: of singular poses, as `optimal_motion` says."""
+    """Look for motions between two states (start, end), near a timed path, for some seconds of this
+    thread's clock; apart: of singular poses, as `optimal_motion` says."""
 
     robot: Robot
     ends: tuple[State, State]
@@ -34,7 +34,7 @@ class MotionSearch:
     path: TimedPath
     intervals: int
     apart: float
-    until: float
+    seconds: float
 
     def quickest(self) -> Found:
         """Return the motion of the least time, from the path or else from slower ones."""
@@ -63,10 +63,16 @@ class MotionSearch:
 
     def solved(self, guess: MotionGuess, quick: bool) -> Found:
         """Return the local optimum near a guess, of the time or else of the effort in it."""
+        _ = self.points.functions  # derived before the clock starts
         programme = MotionProgramme(self.mesh, self.points, guess, self.states, self.sizes, quick)
         seconds = max(self.until - thread_time(), 0.0)
         found = programme.programme().solve("motion within all limits", STEPS, seconds)
         return found, programme.motion(found.x)
+
+    @cached_property
+    def until(self) -> float:
+        """When the search ends; it begins when this is first asked for."""
+        return thread_time() + self.seconds
 
     @cached_property
     def mesh(self) -> MotionMesh:

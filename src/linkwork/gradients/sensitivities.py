@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 
 NUMBER, EVENT_TIME, WORK = "number", "event_time", "work"
 
+ERRORS = {  # why these have no derivative
+    "closure_error": "is what rounding leaves of zero",
+    "energy_balance": "is what errors of the run leave of zero, of work and energies",
+}
+
 
 def sensitivity(
     run: Run, quantities: Sequence[str] | str | None = None, to: Sequence[str] | str | None = None
@@ -222,7 +227,8 @@ def quantities_of(run: Run, quantities: Sequence[str] | str | None) -> tuple[str
     known = (*told, *(EVENT_TIME,) * bool(happened))
     for name in asked:
         if name in variables and name not in known:
-            raise LinkworkError(f"{name} is not differentiated; these are: {', '.join(known)}")
+            why = f", for it {ERRORS[name]}" if name in ERRORS else ""
+            raise LinkworkError(f"{name} is not differentiated{why}; these are: {', '.join(known)}")
     checks.known(asked, known, "quantity")
     return asked
 
