@@ -45,10 +45,11 @@ def share_compilation(worker: dict[str, str]) -> None:
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Iterator[None]:
     """Look for no garbage among modules and tests, which stay to the end: neither while they are
-    read nor in all the time after."""
+    read nor in all the time after; and for that of the tests less often than Python does."""
     gc.disable()
     yield
     gc.freeze()
+    gc.set_threshold(10_000, 5, 5)
     gc.enable()
 
 

@@ -15,6 +15,7 @@ import linkwork as lw
 from linkwork import math
 from linkwork.control import DCMotor, Event, Sampler
 
+from tests.catalogue import WHOLE, built
 from tests.oracle.random_joints import random_tree
 
 FIXED = {"method": "rk4", "step": 0.01}
@@ -209,10 +210,12 @@ def test_changes_of_chart_lengths_gains_and_calls_together():
     assert run.attrs["charts"].count(";") == 1
 
 
-def test_spatial_loops_and_their_tool():
-    robot = lw.Robot("stewart")
+@pytest.mark.parametrize("name", ["rrs3", *["stewart"] * WHOLE])
+def test_spatial_loops_and_their_tool(name):
+    robot = built(name)
     names = ("joint_rate", "tool_pose", "potential_energy", "actuator_power")
-    require_derivatives(robot, robot.home, np.full(6, 30.0), 1e-9, names, duration=0.03, **FIXED)
+    forces = np.full(len(robot.actuators), 30.0)
+    require_derivatives(robot, robot.home, forces, 1e-9, names, duration=0.03, **FIXED)
 
 
 TUMBLING = lw.Mechanism(

@@ -45,7 +45,7 @@ def test_a_registered_environment_passes_the_check(name):
 def test_many_do_what_gymnasium_makes_of_single_ones(name, mode):
     """Gymnasium's own vector of single environments is the standard, for each way to begin
     anew."""
-    count, horizon, steps = 3, 12, 40
+    count, horizon, steps = 2, 12, 40
     one = [lambda: gymnasium.make(name, max_episode_steps=horizon)] * count
     singles = SyncVectorEnv(one, autoreset_mode=mode)
     many = gymnasium.make_vec(name, num_envs=count, max_episode_steps=horizon, autoreset_mode=mode)
