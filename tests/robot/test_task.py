@@ -13,7 +13,7 @@ from linkwork.equations.task import task_map
 from linkwork.mechanism.task import NAMES
 from linkwork.model import dexterity
 from linkwork.model.task import values
-from linkwork.paths import Path
+from linkwork.paths import Path, line
 
 from tests.robot.mixed_freedoms import pose_of_three_legs, scara, three_legs
 
@@ -106,6 +106,15 @@ def test_following_gives_exact_rates_and_accelerations(legs):
     bends = (rates[:-4] - 8 * rates[1:-3] + 8 * rates[3:-1] - rates[4:]) / (12 * h)
     places = [legs.rates.index(n) for n in names if n in legs.rates]
     np.testing.assert_allclose(motion.joint_accelerations[2:-2, places], bends, atol=1e-4)
+
+
+@pytest.mark.parametrize(("turn", "samples"), [(9.0, 3), (-40.0, 2), (100.0, 11)])
+def test_whole_turns_between_samples_are_counted(arm, turn, samples):
+    """The wrist of a SCARA robot turns as its tool, less than the two joints before it."""
+    values = arm.task_values(arm.home)
+    path = line(values, values + np.array([0.02, 0, 0, turn]))
+    moved = np.diff(arm.follow(path, 1.0, samples=samples).positions[[0, -1]], axis=0)[0]
+    assert moved[[0, 1, 3]].sum() == pytest.approx(turn, abs=1e-12)
 
 
 def test_a_stated_task_is_led_in(arm):

@@ -158,15 +158,20 @@ def require_one_arc(
     way: Prescribed,
     sampled: Sampled,
     depth: int = DEPTH,
-) -> None:
-    """Refuse a motion whose samples the path between them does not join."""
+) -> np.ndarray:
+    """Return q (samples, nq) with the whole turns that the path between samples takes; refuse a
+    motion whose samples it does not join."""
+    q, (places, rates) = motion[0].copy(), own_rates(assembler.tree)
     for k in rough(assembler.tree, motion, way.time[1] - way.time[0]):
         finer = sampled(np.linspace(way.time[k], way.time[k + 1], PARTS + 1))
         inner = led_along(leader, assembler, motion[0][k], finer)
-        if apart(assembler.tree, motion[0][k + 1] - inner[0][-1]).max(initial=0.0) > SAME:
+        along = (leader, assembler, inner, finer, sampled, depth - 1)
+        ahead = (require_one_arc(*along) if depth else inner[0])[-1] - motion[0][k + 1]
+        if apart(assembler.tree, ahead).max(initial=0.0) > SAME:
             raise LinkworkError(f"at t = {way.time[k + 1]:.6g} s: {ANOTHER}")
-        if depth:
-            require_one_arc(leader, assembler, inner, finer, sampled, depth - 1)
+        turns = np.where(assembler.tree.slides[rates], 0, np.round(ahead[places] / (2 * np.pi)))
+        q[k + 1 :, places] += 2 * np.pi * turns
+    return q
 
 
 def rough(tree: Tree, motion: Led, step: float) -> list[int]:

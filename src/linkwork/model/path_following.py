@@ -60,11 +60,11 @@ def follow(
     way = Prescribed(asked, time, *asked.given_motion(poses, *derivatives))
     leader = robot.leader_of_tool(asked, kept=True)
     led = led_along(leader, robot.assembler, start_of(robot, guess), way)
-    along, (v, v_dot) = led[0], (robot.chart.from_tree(each) for each in led[1:])
+    v, v_dot = (robot.chart.from_tree(each) for each in led[1:])
     # One branch all the way.
-    if not (kept := leader.keeps(along)).all():
+    if not (kept := leader.keeps(led[0])).all():
         raise LinkworkError(f"at t = {time[np.argmin(kept)]:.6g} s: {ANOTHER}")
-    require_one_arc(leader, robot.assembler, led, way, sampled)
+    along = require_one_arc(leader, robot.assembler, led, way, sampled)
     # Angles without jumps, ahead by the turns that the guess had.
     made = robot.make_state(along, v)
     positions, joint_rates, joint_accelerations, _ = robot.kernel("joints_motion")(
