@@ -13,8 +13,10 @@ import linkwork as lw
 from linkwork.cli.motion_commands import OnSingular, simulate
 from linkwork.robot.simulated import ACTING, OPTIONS
 from linkwork.runs.accuracy import tightened
+from linkwork.runs.passage import portion
 from linkwork.runs.settings import ON_SINGULAR, Settings
 from linkwork.simulation import DORMAND_PRINCE, RK4, SHARP_SMART
+from linkwork.simulation.native_loop import LOOK, VOTES
 from linkwork.sweeps import Study
 
 DEFAULTS = {one.name: one.default for one in fields(Settings) if one.init}
@@ -109,6 +111,7 @@ def test_a_method_that_is_asked_for_is_kept_and_another_follows_from_inputs_and_
     assert taken(True, method="dormand_prince") is DORMAND_PRINCE
     assert taken(False, method="sharp_smart") is SHARP_SMART
     assert Settings(duration=1.0).leave_stiff
+    assert all(0.6 * portion(nq) > LOOK + VOTES for nq in range(1, 1000, 7))  # of large robots too
     assert not Settings(duration=1.0, method="dormand_prince").leave_stiff
 
 

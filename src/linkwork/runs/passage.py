@@ -51,7 +51,7 @@ SOFT = 0.05  # relative pivot at which a better chart is looked for
 RECOVERED = 1.5  # pivot over the soft bound at which a lowered bound is raised again
 SHORT = 1000  # shortest segments in a run's duration
 LOWER = 0.25  # the soft bound falls by this factor while no better chart is found
-WORK, LEAST, MOST = 2**22, 2**10, 2**16  # steps, times nq^2, until a run looks for interruptions
+WORK, LEAST, MOST = 2**22, 2**11, 2**16  # steps, times nq^2, until a run looks for interruptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -430,7 +430,9 @@ class Passage:
 
 def portion(nq: int) -> int:
     """Return after how many steps a run of nq coordinates looks whether it is interrupted: a matter
-    of tenths of a second, and of the robot alone, so that runs can be told again bit for bit."""
+    of tenths of a second, and of the robot alone, so that runs can be told again bit for bit; but
+    not before it has looked whether it is stiff (`native_loop.LOOK`), even where many steps are
+    refused."""
     return max(LEAST, min(MOST, WORK // max(nq, 1) ** 2))
 
 
