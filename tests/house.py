@@ -92,6 +92,12 @@ def modules() -> tuple[tuple[Path, ast.Module], ...]:
     )
 
 
+@cache
+def nodes(tree: ast.AST) -> tuple[ast.AST, ...]:
+    """Return a syntax tree's nodes, walked through once."""
+    return tuple(ast.walk(tree))
+
+
 def package(path: Path) -> str:
     """Return the name of the package, or of the module beside the packages, that a source file
     belongs to."""
@@ -126,7 +132,7 @@ def code_lines(path: Path, tree: ast.Module) -> int:
     alone."""
     told = {
         line
-        for node in ast.walk(tree)
+        for node in nodes(tree)
         if isinstance(node, ast.Expr)
         and isinstance(node.value, ast.Constant)
         and isinstance(node.value.value, str)
@@ -146,7 +152,7 @@ def uncommented(path: Path, tree: ast.Module, most: int) -> list[str]:
     tokens = tokenize.generate_tokens(StringIO(text).readline)
     comments = {token.start[0] for token in tokens if token.type == tokenize.COMMENT}
     found = []
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             told = ast.get_docstring(node) is not None
             begin = (node.body[0].end_lineno or 0) + 1 if told else node.body[0].lineno
@@ -174,7 +180,7 @@ def imports() -> dict[Path, set[str]]:
     found: dict[Path, set[str]] = {}
     for path, tree in modules():
         own = found.setdefault(path, set())
-        for node in ast.walk(tree):
+        for node in nodes(tree):
             if isinstance(node, ast.Import):
                 own |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module:
@@ -186,7 +192,7 @@ def strings(tree: ast.Module) -> set[str]:
     """Return the strings that a file holds."""
     return {
         node.value
-        for node in ast.walk(tree)
+        for node in nodes(tree)
         if isinstance(node, ast.Constant) and isinstance(node.value, str)
     }
 

@@ -17,7 +17,7 @@ import pytest
 
 import linkwork as lw
 
-from tests.house import SOURCE, modules
+from tests.house import SOURCE, modules, nodes
 
 STAGES = (
     "errors moved notebooks patience",
@@ -68,14 +68,14 @@ def asked(tree: ast.Module, name: str, names: set[str]) -> Iterator[str]:
     their name."""
     former = {
         id(argument)
-        for node in ast.walk(tree)
+        for node in nodes(tree)
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Name)
         and node.func.id == "leading_to"
         for argument in node.args
     }
     own = {".".join(parts) for parts in accumulate([each] for each in name.split("."))}
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -151,7 +151,7 @@ def test_few_know_a_particular_robot():
     knowing = {
         name_of(path)
         for path, tree in modules()
-        for node in ast.walk(tree)
+        for node in nodes(tree)
         if isinstance(node, ast.ImportFrom) and node.module == "linkwork.robots"
         if {alias.name for alias in node.names} & {*lw.robots.__all__}
     }
@@ -180,7 +180,7 @@ def test_the_library_shows_its_public_names_only():
 def test_no_two_classes_of_the_library_have_one_name():
     named: dict[str, list[str]] = {}
     for path, tree in modules():
-        for node in ast.walk(tree):
+        for node in nodes(tree):
             if isinstance(node, ast.ClassDef):
                 named.setdefault(node.name, []).append(name_of(path))
     assert not {name: places for name, places in named.items() if len(places) > 1}

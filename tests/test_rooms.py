@@ -18,7 +18,7 @@ from linkwork.control import DRIVES
 from linkwork.mechanism import PairJoint, Shape
 from linkwork.mechanism.joints import TYPES
 
-from tests.house import SOURCE, modules, package, strings
+from tests.house import SOURCE, modules, nodes, package, strings
 
 PAIRS = [kind for kind in TYPES.values() if issubclass(kind, PairJoint)]
 SHAPES = get_args(get_args(Shape)[0])
@@ -46,7 +46,7 @@ OTHERWISE = {"fixed", "free", "planar", "rod", "screw", "gear"}
 
 def words_of(tree: ast.Module) -> Iterator[str]:
     """Yield the names that a file uses, and the strings that stand in it."""
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         match node:
             case ast.Name(id=word) | ast.Attribute(attr=word) | ast.ClassDef(name=word):
                 yield word

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.house import modules
+from tests.house import modules, nodes
 
 PAGE = Path(__file__).parents[2] / "docs" / "notation.md"
 
@@ -17,7 +17,7 @@ def names(tree: ast.AST) -> set[str]:
     arguments."""
     return {
         getattr(node, "name", None) or getattr(node, "id", None) or getattr(node, "attr", "")
-        for node in ast.walk(tree)
+        for node in nodes(tree)
         if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.Name | ast.Attribute)
     }
 
