@@ -69,16 +69,22 @@ def plain(value: object) -> object:
     return value
 
 
+def reals(values: object) -> np.ndarray | None:
+    """Return a copy of values as floats, or None where they are no real numbers: texts, truth
+    values, complex numbers, what a mask hides."""
+    try:
+        given = np.asarray(values)
+        numeric = given.dtype.kind in "iufO" and not has_truth(values)
+        return given.astype(float) if numeric and not np.ma.is_masked(values) else None
+    except (TypeError, ValueError, OverflowError, RuntimeError):
+        return None
+
+
 def finite(values: ArrayLike, what: str) -> np.ndarray:
     """Return values as floats; refuse what is not a finite number."""
     if isinstance(values, float | int) and not isinstance(values, bool) and isfinite(values):
         return np.array(values, float)
-    try:
-        given = np.asarray(values)
-        numeric = given.dtype.kind in "iufO" and not has_truth(values)
-        array = given.astype(float) if numeric else None
-    except (TypeError, ValueError, OverflowError, RuntimeError):
-        array = None
+    array = reals(values)
     if array is None:
         raise LinkworkError(f"{what} is {shown(values)}; give numbers")
     if not np.isfinite(array).all():

@@ -259,14 +259,12 @@ def fixed_orientation(orientation: float | Sequence[float] | None, size: int) ->
 
 def finite(what: str, values: Sequence[float], sizes: tuple[int, ...] = ()) -> np.ndarray:
     """Return finite numbers, as many as one of some sizes where there are any."""
-    try:
-        array = np.empty((0, 0)) if checks.has_truth(values) else np.asarray(values, float)
-    except (TypeError, ValueError):
-        array = np.empty((0, 0))
+    given = checks.reals(values)
+    array = np.empty((0, 0)) if given is None else given
     fits = array.size in sizes if sizes else array.size > 0
     if array.ndim != 1 or not fits or not np.isfinite(array).all():
         *most, last = map(str, sizes or ("the tool's coordinates as",))
         counts = f"{', '.join(most)} or {last}" if most else last
-        given = np.ravel(array).tolist() if array.size else values
-        raise LinkworkError(f"{what} is {checks.shown(given)}; give {counts} finite numbers")
+        told = np.ravel(array).tolist() if array.size else values
+        raise LinkworkError(f"{what} is {checks.shown(told)}; give {counts} finite numbers")
     return array

@@ -57,6 +57,27 @@ def test_numbers_that_are_not_finite(robot):
     refused("joint 'slide_1' is nan", robot.assemble, {"slide_1": np.nan})
 
 
+@pytest.mark.parametrize(
+    "values",
+    [np.array([1.0 + 2.0j, 2.0, 3.0]), np.ma.array([1.0, 2.0, 3.0], mask=[0, 1, 0])],
+    ids=["complex", "hidden by a mask"],
+)
+def test_numbers_that_are_not_real_or_are_hidden(robot, values):
+    # NumPy drops the imaginary part with a warning, and the mask without one.
+    stepper = robot.stepper(robot.home, 1e-3)
+    for ask in (
+        lambda: robot.forward_dynamics(robot.home, values),
+        lambda: robot.inverse_dynamics(robot.home, values),
+        lambda: robot.simulate(robot.home, duration=0.01, forces=values),
+        lambda: robot.assemble(joints=dict(zip(robot.actuators, values[:, None], strict=True))),
+        lambda: stepper.step(values),
+        lambda: lw.paths.line(values, values),
+        lambda: lw.Sampled([0.0, 1.0, 2.0], values),
+    ):
+        with pytest.raises(lw.LinkworkError, match="numbers"):
+            ask()
+
+
 def test_open_and_contradicting_states(robot):
     positions = robot.home.positions.copy()
     positions[0] += 0.01

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.checks import amount_is as amount_is
 from linkwork.checks import at as at
-from linkwork.checks import finite, has_truth, shown
+from linkwork.checks import finite, reals, shown
 from linkwork.checks import known as known
 from linkwork.checks import names as names
 from linkwork.checks import number as number
@@ -95,18 +95,11 @@ def vector(
 ) -> np.ndarray:
     """Return an array (..., len(names)) as `values_by_name` does; an array of floats is not looked
     through."""
-    if (
-        isinstance(values, np.ndarray)
-        and values.dtype == DOUBLE
-        and values.shape[-1:] == (len(names),)
-    ):
+    if type(values) is np.ndarray and values.dtype == DOUBLE and values.shape[-1:] == (len(names),):
         return values
     if isinstance(values, Mapping):
         return values_by_name(values, names, what, kind)
-    try:
-        array = None if has_truth(values) else np.asarray(values, float)
-    except (TypeError, ValueError, OverflowError):
-        array = None
+    array = reals(values)
     if array is None:
         raise LinkworkError(
             f"{what} is {shown(values)}; give {len(names)} numbers: {', '.join(names)}"

@@ -32,7 +32,7 @@ class Told(NamedTuple):
 def undoubted(robot: Model, given: Any, tolerance: float, threads: int) -> Told | None:
     """Return what coordinates of all joints (..., m) tell, if they close all loops, agree with each
     other within the tolerance, and hold no turns of their own; else None."""
-    plain = isinstance(given, np.ndarray) and given.ndim > 1 and given.dtype == np.float64
+    plain = type(given) is np.ndarray and given.ndim > 1 and given.dtype == np.float64
     if not (plain and given.size and given.shape[-1] == len(robot.coordinates)):
         return None
     equations = robot.equations

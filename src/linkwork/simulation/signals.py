@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import has_truth
+from linkwork.checks import reals
 from linkwork.errors import LinkworkError
 from linkwork.readonly import ReadOnlyArrays
 
@@ -277,10 +277,7 @@ _INTERPOLANTS = {"spline": _spline, "linear": _linear, "hold": _hold}
 def _finite(what: str, values: ArrayLike) -> np.ndarray:
     """Return a copy as floats; raise `LinkworkError` naming the first value that is no finite
     number."""
-    try:
-        array = None if has_truth(values) else np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        array = None
+    array = reals(values)
     if array is None:
         raise LinkworkError(f"{what} must be numbers in a regular array, not {values!r}")
     finite = np.isfinite(array)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import has_truth, shown
+from linkwork.checks import reals, shown
 from linkwork.control.events import Event
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
@@ -34,10 +34,7 @@ def require_states(robot: Model, state: State, size: int) -> State:
 
 def forces_given(u: ArrayLike, names: Sequence[str], N: int) -> np.ndarray:
     """Return forces of all members, (N, actuators) or (actuators), or refuse them."""
-    try:
-        given = np.asarray(u, float) if np.isrealobj(u) and not has_truth(u) else None
-    except (TypeError, ValueError):
-        given = None
+    given = reals(u)
     if given is None or given.shape not in ((N, len(names)), (len(names),)):
         what = shown(u) if given is None else f"of shape {given.shape}"
         raise LinkworkError(

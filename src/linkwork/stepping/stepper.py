@@ -165,7 +165,7 @@ class Stepper:
         """
         if u is not None:
             if (
-                isinstance(u, np.ndarray)
+                type(u) is np.ndarray
                 and u.shape == self.u.shape
                 and u.dtype is DOUBLE
                 and self._free
