@@ -308,6 +308,25 @@ def test_names_that_do_not_fit_the_path_are_refused(ends, what, said, robot):
         motions.follow(robot, motions.point_to_point(*ends, LIMITS), what=what)
 
 
+def test_points_led_on_as_rotation_vectors_lead_no_other_angles():
+    """Roll, pitch and yaw (0, -1.05, 3.04) are not those of (0, 1, -2.9), as the vectors are."""
+    described = lw.robots.puma560().model_dump()
+    (tool,) = described["tools"].values()
+    tool["task"] = ("x", "y", "z", "roll", "pitch", "yaw")
+    arm = lw.Robot(lw.Mechanism(**described))
+    ends = [0.4, 0.1, 0.2, 0, 0, 3.0], [0.4, 0.1, 0.2, 0, 1.0, -2.9]
+    around = motions.point_to_point(*ends, LIMITS)
+    lifted = motions.pick_and_place(*ends, [0, 0, 0.1, 0, 0, 0], LIMITS)
+    limits = motions.ActuatorLimits(force=100.0)
+    for call in (
+        lambda: motions.follow(arm, around),
+        lambda: motions.follow(arm, lifted),
+        lambda: motions.fastest(arm, around, limits),
+    ):
+        with pytest.raises(LinkworkError, match="was taken for a rotation vector and led on by"):
+            call()
+
+
 @pytest.mark.parametrize("count", [1, 10**9, 2.5, "x"])
 def test_numbers_of_samples_that_make_no_motion_are_refused(count, robot):
     timed = motions.point_to_point(robot.home, ENDS[1], LIMITS)

@@ -25,7 +25,7 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism.bearing import require_no_bearings
 from linkwork.mechanism.limits import speed_limited
 from linkwork.model.state import State
-from linkwork.motions._follow import follow
+from linkwork.motions._follow import follow, require_vectors
 from linkwork.motions.driven_way import BETWEEN, CORNER, DrivenWay, refuse_leap
 from linkwork.motions.jerk_limited import gentlest
 from linkwork.motions.laws import Limit
@@ -158,6 +158,7 @@ def fastest(
         raise LinkworkError(
             f"the path has a corner at s = {timed.corners[0]:.4g}; give its smooth parts one by one"
         )
+    require_vectors(robot, timed, None)
     own = limits.of_robot(robot)
     if np.isfinite(own["jerk"]).any():
         return gentlest(robot, timed, own, points, guess)

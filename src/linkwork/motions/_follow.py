@@ -12,6 +12,7 @@ from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.model import limits
 from linkwork.model.state import Motion, State, with_positions
+from linkwork.model.task import asked_of
 from linkwork.motions._flat import flat_along, leads_links
 from linkwork.motions.timed_paths import TimedPath, sample_count
 from linkwork.robot import Robot
@@ -67,6 +68,7 @@ def follow(
     samples = sample_count(samples)
     if what is not None:
         timed, what = of_tool(timed, checks.names(what, "what"))
+    require_vectors(robot, timed, what)
     links = bool(timed.names) and leads_links(robot, timed.names)
     if not links:
         require_points(robot, timed, guess, what)
@@ -96,6 +98,17 @@ def of_tool(timed: TimedPath, what: tuple[str, ...]) -> tuple[TimedPath, tuple[s
             f"what={checks.shown(what)} names {len(what)} coordinates, but the path leads {size}"
         )
     return replace(timed, names=()), what
+
+
+def require_vectors(robot: Robot, timed: TimedPath, what: Sequence[str] | None) -> None:
+    """Refuse points that were led on by a whole turn for a tool that no rotation vector leads."""
+    asked = asked_of(robot, 6, what) if timed.turned else None
+    if asked and asked.rotation != [3, 4, 5]:
+        raise LinkworkError(
+            f"point {timed.turned[0]} was taken for a rotation vector and led on by a whole turn, "
+            f"to the point before, but the tool is led in {', '.join(asked.labels)}; go there by "
+            "points that are nearer to each other"
+        )
 
 
 def require_points(

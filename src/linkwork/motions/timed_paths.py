@@ -8,7 +8,7 @@ them follows by `linkwork.motions.follow`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf
 from typing import Any, Literal, Self
@@ -41,6 +41,7 @@ class TimedPath:
     passed: when the points that it was made of are passed, or passed by (points,) [s]
     profile: the same as polynomials of time, where it is made of these
     corners: s at which the path has a corner, where it rests
+    turned: numbers of the points that were taken for rotation vectors and led on by a whole turn
     """
 
     path: Path
@@ -49,6 +50,7 @@ class TimedPath:
     passed: tuple[float, ...] = ()
     profile: Profile | None = None
     corners: tuple[float, ...] = ()
+    turned: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         checks.positive(self.duration, "the duration")
@@ -64,6 +66,7 @@ class TimedPath:
         names: tuple[str, ...],
         passed: Sequence[float],
         path: Path | None = None,
+        turned: tuple[int, ...] = (),
     ) -> Self:
         """Return the timed path that polynomials of time are; path: the same as a curve with its
         law, which is the time itself if left out."""
@@ -74,7 +77,7 @@ class TimedPath:
 
         inner = profile.knots[1:-1] / profile.duration
         way = path or Path(curve, uniform, tuple(inner.tolist()))
-        return cls(way, profile.duration, names, tuple(passed), profile)
+        return cls(way, profile.duration, names, tuple(passed), profile, turned=turned)
 
     def sample(self, time: ArrayLike) -> Triple:
         """Return the coordinates, their rates and their accelerations (K, d) at times [s]."""
@@ -151,7 +154,7 @@ def point_to_point(
     Raises:
         LinkworkError: points of other coordinates, or equal ones; limits that the law cannot keep.
     """
-    names, points = points_of([start, end])
+    names, points, turned = points_of([start, end])
     change = points[1] - points[0]
     if not change.any():
         raise LinkworkError("the end is the start; give another point to go to")
@@ -160,14 +163,15 @@ def point_to_point(
         profile = leg(change, allowed, made)
         straight = Path(segment(points[0], change), profile.law)
         passed = (0.0, profile.duration)
-        return TimedPath.of(profile.along(points[0], change), names, passed, straight)
+        led = profile.along(points[0], change)
+        return TimedPath.of(led, names, passed, straight, turned)
     moved = np.flatnonzero(change)
     each = [leg(change[[axis]], allowed[:, [axis]], made) for axis in moved]
     apart = side_by_side(each)
     spread = np.zeros((*apart.coefficients.shape[:2], change.size))
     spread[:, :, moved] = apart.coefficients
     profile = Profile(apart.knots, spread).along(points[0], change)
-    return TimedPath.of(profile, names, (0.0, profile.duration))
+    return TimedPath.of(profile, names, (0.0, profile.duration), turned=turned)
 
 
 def through(
@@ -197,7 +201,7 @@ def through(
 
     Source: of the least duration, Lin, Chang & Luh, IEEE Trans. Automatic Control 28 (1983) 1066.
     """
-    names, values = points_of(points, at_least=3)
+    names, values, turned = points_of(points, at_least=3)
     allowed = limits_of(limits).of(names, values.shape[1])
     if degree not in (3, 5):
         raise LinkworkError(f"the degree of the spline is {checks.shown(degree)}; give 3 or 5")
@@ -218,7 +222,7 @@ def through(
     # The spline, and the least scale.
     profile = spline_through(times, values, degree)
     profile = profile.slowed(needed(profile, allowed))
-    return TimedPath.of(profile, names, profile.knots.tolist())
+    return TimedPath.of(profile, names, profile.knots.tolist(), turned=turned)
 
 
 def blended(
@@ -248,7 +252,7 @@ def blended(
         LinkworkError: fewer than two points, points that follow each other and are equal; a blend
             that is no such part.
     """
-    names, values = points_of(points)
+    names, values, turned = points_of(points)
     allowed, made = limits_of(limits).of(names, values.shape[1]), law_of(law)
     if not 0 <= checks.number(blend, "the blend") <= 0.5:
         raise LinkworkError(f"the blend is {blend:g}; give a part of the shorter leg from 0 to 0.5")
@@ -267,7 +271,7 @@ def blended(
     profile = profile.slowed(factor).along(values[0], np.ones(values.shape[1]))
     middles = [(start + end) / 2 for start, end in zip(starts[1:], ends, strict=False)]
     passed = [0.0, *(factor * t for t in middles), profile.duration]
-    return TimedPath.of(profile, names, passed)
+    return TimedPath.of(profile, names, passed, turned=turned)
 
 
 def pick_and_place(
@@ -290,7 +294,7 @@ def pick_and_place(
     Raises:
         LinkworkError: as `blended`; a lift of other coordinates.
     """
-    names, (first, last) = points_of([pick, place])
+    names, (first, last), turned = points_of([pick, place])
     if isinstance(lift, Mapping):
         checks.known(lift, names, "coordinate of the points")
         lift = [lift.get(name, 0.0) for name in names]
@@ -301,7 +305,8 @@ def pick_and_place(
         )
     ways = [first, first + up, last + up, last]
     points: list[Any] = [dict(zip(names, way, strict=True)) for way in ways] if names else ways
-    return blended(points, limits, blend=blend, law=law)
+    found = blended(points, limits, blend=blend, law=law)
+    return replace(found, turned=(2, 3)) if turned else found
 
 
 def along(
@@ -345,8 +350,11 @@ def length_of(path: Path, position: int | None = None) -> float:
     return float(speeds.mean())
 
 
-def points_of(points: Any, at_least: int = 2) -> tuple[tuple[str, ...], np.ndarray]:
-    """Return the names of joint coordinates, none of poses, and the points (points, d)."""
+def points_of(
+    points: Any, at_least: int = 2
+) -> tuple[tuple[str, ...], np.ndarray, tuple[int, ...]]:
+    """Return the names of joint coordinates, none of poses, the points (points, d), and which of
+    them were led on by a whole turn."""
     if isinstance(points, str | Mapping | State) or not hasattr(points, "__len__"):
         raise LinkworkError(f"the points are {checks.shown(points)}; give a list of them")
     if len(points) < at_least:
@@ -362,7 +370,7 @@ def points_of(points: Any, at_least: int = 2) -> tuple[tuple[str, ...], np.ndarr
                 )
             checks.known(other, names, "coordinate", " of point 0")
             rows.append([other.get(name, rows[-1][i]) for i, name in enumerate(names)])
-        return names, np.array(rows, float)
+        return names, np.array(rows, float), ()
     rows = [first]
     for k, other in enumerate(others, 1):
         if isinstance(other, Mapping) or other.shape != first.shape:
@@ -370,7 +378,8 @@ def points_of(points: Any, at_least: int = 2) -> tuple[tuple[str, ...], np.ndarr
                 f"point {k} is {checks.shown(other)}; give {first.size} numbers, as for point 0"
             )
         rows.append(other)
-    return (), continued(np.array(rows))
+    led = continued(np.array(rows))
+    return (), led, tuple(np.flatnonzero((led != rows).any(axis=1)).tolist())
 
 
 def named(point: Point, place: int) -> dict[str, float] | np.ndarray:
