@@ -13,6 +13,7 @@ import linkwork as lw
 from tests.catalogue import WHOLE, built
 from tests.export import fmus
 from tests.export.fmus import Instance
+from tests.robot.test_gear_powers import lift
 from tests.robot.test_reactions import MIXED
 
 BODY = lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.2, zz=0.3))
@@ -181,9 +182,14 @@ def tiny() -> lw.Mechanism:
     return lw.robots.slider_crank(crank=1e-5, rod=3e-5)
 
 
-@pytest.mark.parametrize("described", [tiny, *[MIXED["platform on rods"]] * WHOLE])
-def test_reactions_where_short_levers_hold(described, folder):
-    """Equations that have pivots of 1e-5."""
+def cam() -> lw.Mechanism:
+    """A mass that a wheel lifts along a curve."""
+    return lift().mechanism
+
+
+@pytest.mark.parametrize("described", [tiny, cam, *[MIXED["platform on rods"]] * WHOLE])
+def test_reactions_where_short_levers_hold_and_where_gears_bend(described, folder):
+    """Equations that have pivots of 1e-5; a gear with powers."""
     robot = lw.Robot(described())
     one = Instance(fmus.built(export(robot, outputs=["reactions"]), folder))
     v, u = [0.3, -0.2][: robot.mobility], np.zeros(len(robot.actuators))
