@@ -139,6 +139,7 @@ def test_limits_springs_gears_and_actuated_freedoms_are_told(capsys, without_ker
             ),
             "wheels": lw.GearJoint(
                 ratios={"hinge": 1, "tube.angle": -2},
+                powers={"tube.angle": (0.5,)},
                 teeth={"at": "hinge", "friction": {"coefficient": 0.1}},
             ),
         },
@@ -164,7 +165,7 @@ def test_limits_springs_gears_and_actuated_freedoms_are_told(capsys, without_ker
     lines = {
         line.split()[0]: " ".join(line.split()) for line in text.split("\n\n")[1].splitlines()[2:]
     }
-    assert lines["wheels"] == "wheels gear 1 hinge + -2 tube.angle gear"
+    assert lines["wheels"] == "wheels gear 1 hinge + -2 tube.angle + 0.5 tube.angle^2 gear"
     assert lines["hinge"].endswith("tree yes")
     assert lines["tube"].endswith("tree slide")
     assert lines["knob"].endswith("tree wx, wz")

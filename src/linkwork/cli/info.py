@@ -188,9 +188,13 @@ def mobility(found: dict[str, Any]) -> str:
 
 def between(joint: dict[str, Any]) -> str:
     """Return the bodies that a joint connects, or the sum that a gear keeps."""
-    return " - ".join(joint["connects"]) or " + ".join(
-        f"{ratio:g} {name}" for name, ratio in joint["couples"].items()
-    )
+    terms = [
+        f"{c:g} {name}{f'^{power}' if power > 1 else ''}"
+        for name, ratio in joint["couples"].items()
+        for power, c in enumerate((ratio, *joint["powers"].get(name, ())), start=1)
+        if c
+    ]
+    return " - ".join(joint["connects"]) or " + ".join(terms)
 
 
 def actuated(joint: dict[str, Any]) -> str:
