@@ -13,8 +13,9 @@ None. It reads arrays as NumPy's binary interface has them; where Python or NumP
 the same is done by ctypes.
 
 `self` is a table of words: what HEAD names, the sizes of the arguments, and room for the inputs
-(after the arguments those that stay the same) and for the outputs. Python lets one thread at a time
-in, from the first argument to the array.
+(after the arguments those that stay the same). Python lets one thread at a time in, from the first
+argument to the array, so that a kernel is to be short; what takes longer lets others run, and is
+called by one thread at a time (`Ends.apart`).
 
 Source: Python/C API Reference, `METH_FASTCALL`, stable ABI; NumPy C-API, `PyArray_New`.
 """
@@ -43,8 +44,8 @@ DOUBLES = int.from_bytes(b"fd=\0" + DOUBLE.num.to_bytes(4, "little"), "little")
 TOLD = ~(0xFF << 24)  # a word of NumPy's types: kind, letter, order of bytes, (flags), number
 FASTCALL, ABI = 0x80, 2  # of Python's methods; NumPy's number of its binary interface
 HEAD = (
-    *("kernel", "arguments", "x", "y", "watch", "bound"),
-    *("first", "count", "dimensions", "rows", "columns"),
+    *("kernel", "apart", "arguments", "x", "y", "watch", "bound"),
+    *("first", "count", "looked", "dimensions", "rows", "columns"),
 )
 PLAIN = 0x101  # NumPy's flags of an array without gaps, aligned
 _ONE = ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
@@ -59,6 +60,24 @@ class AskedOutputs(NamedTuple):
     bound: float
 
 
+class Ends(NamedTuple):
+    """Say where a function of (in, out) leaves what it finds.
+
+    out: what it is called with; first, shape: where its results begin, and their shape (one or two
+    dimensions); watch: where the number is that is larger than `bound`, in size, where they hold;
+    finite: whether they hold only then; apart: whether other threads run while it does, and only
+    one calls it at a time
+    """
+
+    out: int
+    first: int
+    shape: tuple[int, ...]
+    watch: int
+    bound: float
+    finite: bool = True
+    apart: bool = False
+
+
 def direct(
     kernel: Kernel, sizes: Sequence[int], constants: np.ndarray, results: AskedOutputs
 ) -> Direct:
@@ -67,49 +86,51 @@ def direct(
 
     It compiles the kernel, and keeps it alive.
     """
-    table = _table(kernel, sizes, constants, results)
-    table.interface = _interface()
-    if table.interface is None:
-        return _by_ctypes(table, sizes, results)
-    return table.interface.make(ctypes.addressof(table.interface.method), table, None)
+    y = np.empty(kernel.n_out)
+    out, (first, shape, bound) = y.ctypes.data, results
+    ends = Ends(out, out + 8 * first, shape, out + 8 * (kernel.n_out - 1), bound)
+    call = call_of(kernel.address, sizes, constants, ends, kernel, y)
+    return call or _by_ctypes(kernel, sizes, constants, results)
+
+
+def call_of(
+    f: int, sizes: Sequence[int], constants: np.ndarray, ends: Ends, *kept: object
+) -> Direct | None:
+    """Return a function of vectors (size) that calls the one at an address, (in, out); None where
+    Python or NumPy are others than this is written for.
+
+    constants: behind the vectors; kept: what lives as long
+    """
+    interface = _interface()
+    if interface is None:
+        return None
+    # The words of the call, and room for what the function takes.
+    start, n = len(HEAD) + len(sizes), sum(sizes)
+    table = np.zeros(start + n + constants.size, np.int64).view(Table)
+    table.kept = interface, *kept
+    numbers, count = table.view(np.float64), prod(ends.shape)
+    numbers[start + n :] = constants
+    words = f, ends.apart, len(sizes), table.ctypes.data + 8 * start, ends.out, ends.watch, 0
+    table[:start] = (
+        *(*words, ends.first, count, count * ends.finite, len(ends.shape)),
+        *(*ends.shape, 0)[:2],
+        *sizes,
+    )
+    numbers[HEAD.index("bound")] = ends.bound
+    return interface.make(ctypes.addressof(interface.method), table, None)
+
+
+def left_to_others(*_: object) -> None:
+    """Take nothing: others do it."""
 
 
 class Table(np.ndarray):
     """Words that tell a call what to do, and whose memory it uses.
 
-    kernel, interface: what they name, kept alive with them
+    kept: what they name, which lives as long
     """
 
-    kernel: Kernel
-    interface: _Interface | None
-
-
-def _table(
-    kernel: Kernel, sizes: Sequence[int], constants: np.ndarray, results: AskedOutputs
-) -> Table:
-    """Return the words of a call."""
-    start = len(HEAD) + len(sizes)
-    table = np.zeros(start + kernel.n_in + kernel.n_out, np.int64).view(Table)
-    table.kernel = kernel
-    x = table.ctypes.data + 8 * start
-    y = x + 8 * kernel.n_in
-    table.view(np.float64)[HEAD.index("bound")] = results.bound
-    table.view(np.float64)[start + sum(sizes) : start + kernel.n_in] = constants
-    told = {
-        "kernel": kernel.address,
-        "arguments": len(sizes),
-        "x": x,
-        "y": y,
-        "watch": y + 8 * (kernel.n_out - 1),
-        "first": y + 8 * results.first,
-        "count": prod(results.shape),
-        "dimensions": len(results.shape),
-    }
-    for name, word in told.items():
-        table[HEAD.index(name)] = word
-    table[HEAD.index("rows") :][: len(results.shape)] = results.shape
-    table[len(HEAD) : start] = sizes
-    return table
+    kept: tuple[object, ...]
 
 
 class _Interface(NamedTuple):
@@ -187,12 +208,11 @@ def _reads(array: np.ndarray) -> bool:
     return tuple(shape) == array.shape and (words[8] & PLAIN == PLAIN) == plain
 
 
-def _by_ctypes(table: Table, sizes: Sequence[int], results: AskedOutputs) -> Direct:
+def _by_ctypes(
+    kernel: Kernel, sizes: Sequence[int], constants: np.ndarray, results: AskedOutputs
+) -> Direct:
     """Return the same call in Python's own words."""
-    call, n_in, n_out = _ONE(table.kernel.address), table.kernel.n_in, table.kernel.n_out
-    numbers = table.view(np.ndarray)[len(HEAD) + len(sizes) :].view(np.float64)
-    constants = numbers[sum(sizes) : n_in].tobytes()
-    first, shape, bound = results
+    call, (first, shape, bound) = _ONE(kernel.address), results
 
     def evaluated(*arrays: object) -> np.ndarray | None:
         if len(arrays) != len(sizes):
@@ -202,8 +222,8 @@ def _by_ctypes(table: Table, sizes: Sequence[int], results: AskedOutputs) -> Dir
                 return None
             if not (array.flags.c_contiguous and array.flags.aligned):
                 return None
-        y = np.empty(n_out)
-        taken = b"".join([*[array.tobytes() for array in arrays], constants])  # pyright: ignore
+        y = np.empty(kernel.n_out)
+        taken = b"".join([array.tobytes() for array in (*arrays, constants)])  # pyright: ignore
         call(taken, y.ctypes.data)
         found = y[first : first + prod(shape)]
         sound = abs(y.item(-1)) > bound and isfinite(sum(found.tolist()))
@@ -215,6 +235,7 @@ def _by_ctypes(table: Table, sizes: Sequence[int], results: AskedOutputs) -> Dir
 PYTHON = (
     *("PySequence_Size", "PySequence_GetItem", "PyFloat_AsDouble"),
     *("PyErr_Occurred", "PyErr_Clear", "Py_IncRef", "Py_DecRef"),
+    *("PyEval_SaveThread", "PyEval_RestoreThread"),
 )
 
 
@@ -239,6 +260,8 @@ declare ptr @PySequence_GetItem(ptr, i64)
 declare double @PyFloat_AsDouble(ptr)
 declare ptr @PyErr_Occurred()
 declare void @PyErr_Clear()
+declare ptr @PyEval_SaveThread()
+declare void @PyEval_RestoreThread(ptr)
 declare void @Py_IncRef(ptr)
 declare void @Py_DecRef(ptr)
 declare ptr @memcpy(ptr, ptr, i64)
@@ -355,16 +378,26 @@ taken:
 ; The kernel, and whether its results hold.
 evaluate:
 {_word("kernel", "ptr")}{_word("watch", "ptr")}{_word("bound", "double")}
-{_word("first", "ptr")}{_word("count")}
+{_word("first", "ptr")}{_word("count")}{_word("looked")}{_word("apart")}
+  %is.apart = icmp ne i64 %apart, 0
+  br i1 %is.apart, label %others.run, label %alone
+others.run:
+  %thread = call ptr @PyEval_SaveThread()
   call void %kernel(ptr %x, ptr %y)
+  call void @PyEval_RestoreThread(ptr %thread)
+  br label %called
+alone:
+  call void %kernel(ptr %x, ptr %y)
+  br label %called
+called:
   %told = load double, ptr %watch
   %told.size = call double @llvm.fabs.f64(double %told)
   %holds = fcmp ogt double %told.size, %bound
   br i1 %holds, label %look.through, label %refuse
 look.through:
-  %i = phi i64 [ 0, %evaluate ], [ %i.next, %seen ]
-  %sum = phi double [ 0.0, %evaluate ], [ %sum.next, %seen ]
-  %is.end = icmp eq i64 %i, %count
+  %i = phi i64 [ 0, %called ], [ %i.next, %seen ]
+  %sum = phi double [ 0.0, %called ], [ %sum.next, %seen ]
+  %is.end = icmp eq i64 %i, %looked
   br i1 %is.end, label %judge, label %seen
 seen:
   %result.at = getelementptr double, ptr %first, i64 %i

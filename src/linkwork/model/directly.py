@@ -15,10 +15,12 @@ from typing import Any
 import numpy as np
 
 from linkwork.kernels import Kernel
-from linkwork.kernels.from_python import AskedOutputs, Direct, direct
+from linkwork.kernels.from_python import AskedOutputs, Direct, direct, left_to_others
 from linkwork.model import checks
 from linkwork.model.charts import CompiledChart
 from linkwork.model.state import State
+
+SHORT = 20_000  # operations, some 10 us, for which no other thread need be let in
 
 
 class DirectCalls(dict[tuple[str, ...], Direct]):
@@ -59,12 +61,10 @@ class DirectCalls(dict[tuple[str, ...], Direct]):
         chart = self._charts.get(independent)
         if chart is None or not (kernel := self._kernel(chart)).has_code:
             return left_to_others
+        if kernel.operations > SHORT:
+            return self.setdefault(independent, left_to_others)
         count = kernel.n_out - 1 if self._whole else kernel.outputs[-2][1]
         asked = AskedOutputs(kernel.n_out - 1 - count, (count,), checks.PIVOT_BOUND)
         sizes = [size for _, size in kernel.inputs[:-1]]
         call = self[independent] = direct(kernel, sizes, chart.p, asked)
         return call
-
-
-def left_to_others(*_: object) -> None:
-    """Take nothing: others do it."""

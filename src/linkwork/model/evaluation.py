@@ -95,10 +95,9 @@ def actuator_forces(
 ) -> np.ndarray:
     """Return u (..., actuators) with S' u = M v' + C v + G - f, of least weighted norm:
     `Robot.inverse_dynamics`."""
-    if weights is None:
-        found = robot.directly("inverse_dynamics").at(state, accelerations)
-        if found is not None and state.independent == robot.actuators:
-            return found
+    found = robot.directly("inverse_dynamics").at(state, accelerations)
+    if found is not None and weights is None and state.independent == robot.actuators:
+        return found
     v_dot = checks.vector(
         accelerations, "accelerations", robot.own(state).independent, "independent rate"
     )

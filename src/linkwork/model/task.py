@@ -116,6 +116,13 @@ def known(robot: Model, names: Sequence[str]) -> Task:
     return tuple(own.get(name, name) for name in names)
 
 
+def named(robot: Model, what: Sequence[str] | None) -> Task:
+    """Return task coordinates by name, those of the task if left out; kept for calls to come."""
+    if what is None:
+        return robot.once(task_of)
+    return robot.once(known, checks.names(what, "what"))
+
+
 def led_coordinates(robot: Model, near: bool) -> Task | None:
     """Return the coordinates of the tool's pose that the robot can lead: all, the position, the
     orientation, or those that move at home while the others do not; None where none are plain.

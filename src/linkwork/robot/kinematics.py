@@ -186,9 +186,7 @@ class Kinematics(Model):
         return self._tool_motion(state, accelerations).led(self._task(what))
 
     def _task(self, what: Sequence[str] | None) -> task.Task:
-        if what is None:
-            return self.once(task.task_of)
-        return self.once(task.known, checks.names(what, "what"))
+        return task.named(self, what)
 
     def closure_error(self, state: State) -> np.ndarray:
         """Return the largest loop residual max |phi| (...), redundant rows included: gaps over the

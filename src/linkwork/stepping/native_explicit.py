@@ -1,15 +1,14 @@
 """The stepper of explicit methods, compiled: embedded pairs, and methods of a fixed step."""
 
-from numba import types
-
 from linkwork.simulation.compiled import compiled_once
 from linkwork.simulation.native import advance
-from linkwork.stepping.native_stepping import CELLS, taking
+from linkwork.stepping.native_stepping import SHAPE, taking
 
 take = taking(advance)
 
 
-@compiled_once("the stepper", (CELLS, types.intp))
-def steps(cells, count):
-    """Take so many steps; return OK, or why not all of them could be taken."""
-    return take(cells, count)
+@compiled_once("the stepper", SHAPE)
+def steps(forces, cells):
+    """Take as many steps as the cells tell under forces; return OK, or why not all of them could be
+    taken."""
+    return take(forces, cells)

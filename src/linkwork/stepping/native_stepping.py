@@ -13,7 +13,7 @@ the dependent coordinates.
 import math
 from typing import Any
 
-from numba import njit, types
+from numba import njit
 from numba.core.dispatcher import Dispatcher
 
 from linkwork.simulation.compiled import INLINED, OPTIONS, compiled_once
@@ -26,7 +26,7 @@ from linkwork.simulation.native_loop import (
 )
 from linkwork.simulation.native_memory import INTEGRATION, RunCourse, integration_at
 from linkwork.simulation.native_parts import OK, add_turns, copy, project, settle, whole
-from linkwork.simulation.pointers import pointer
+from linkwork.simulation.pointers import POINTER, pointer
 from linkwork.simulation.structures import Structure, at
 
 PAUSED, UNDEFINED, OPEN, UNCOVERED, UNFORCED = -1, -2, -3, -4, -5
@@ -53,11 +53,14 @@ class Stepping:
     number: int
     left: int
     written: int
+    count: int
+    code: int
+    well: float
 
 
 STEPPING = Structure(Stepping)
 stepping_at = at(STEPPING)
-CELLS = types.Array(types.float64, 1, "C")
+SHAPE = POINTER, POINTER
 
 
 def onward(advance: Dispatcher) -> Dispatcher:
@@ -84,12 +87,14 @@ def taking(advance: Dispatcher) -> Dispatcher:
     go = onward(advance)
 
     @njit(**INLINED)
-    def take(cells, count):
-        """Take so many steps; return OK, or why not all of them could be taken."""
-        own = stepping_at(pointer(cells))
-        run, own.left = integration_at(own.run), count
+    def take(forces, cells):
+        """Take as many steps as the cells tell under forces; return OK, or why not all of them
+        could be taken."""
+        own = stepping_at(cells)
+        run, own.left = integration_at(own.run), own.count
         code = take_over(own, run)
         for i in range(own.forces):
+            own.u[i] = forces[i]
             if not math.isfinite(own.u[i]):
                 code = UNFORCED
         while code == OK and own.left > 0:
@@ -107,6 +112,7 @@ def taking(advance: Dispatcher) -> Dispatcher:
         if code != UNDEFINED and code != OPEN:
             copy(run.room.y, own.y, run.room.n)
             add_turns(own.y, run.turns, run.room.nq)
+        own.code, own.well = code, 1.0 if code == OK else 0.0
         return code
 
     return take

@@ -8,6 +8,7 @@ same charts.
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -19,6 +20,7 @@ from numpy.typing import ArrayLike
 from linkwork.checks import count, shown
 from linkwork.control.sampler import Sampler
 from linkwork.errors import LinkworkError
+from linkwork.kernels.from_python import Direct, Ends, call_of, left_to_others
 from linkwork.model import chart_transfer, checks
 from linkwork.model.state import State
 from linkwork.patience import interruptions_held
@@ -38,18 +40,20 @@ from linkwork.simulation import (
     Status,
     Trajectory,
 )
+from linkwork.simulation.compiled import address_of
 from linkwork.simulation.integration import TimeSpan
 from linkwork.simulation.variables import Deferred
 from linkwork.stepping.endless import Endless
 from linkwork.stepping.errors import StepError
 from linkwork.stepping.native_run import CELL, NativeRun
-from linkwork.stepping.native_stepping import OPEN, PAUSED, UNCOVERED, UNDEFINED, UNFORCED
+from linkwork.stepping.native_stepping import OK, OPEN, PAUSED, UNCOVERED, UNDEFINED, UNFORCED
 
 if TYPE_CHECKING:
     from linkwork.control import Drive, Wrench
     from linkwork.model.model import Model
 
-DOUBLE = np.dtype(float)
+DOUBLE, NONE = np.dtype(float), np.empty(0)
+STEPS = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)
 ROUNDING = 1e-9  # of a step, within which a time is a multiple of it
 KEPT = (
     "The state there is kept: write another one or reset the stepper, or let robot.resume("
@@ -127,8 +131,12 @@ class Stepper:
             array.ctypes.data for array in (self.u, self.y)
         )
         self._counts[CELL["forces"]] = self.u.size
-        self._steps, self._portion = compiled(settings.integrator.stiff), portion(nq)
+        address, self._portion = compiled(settings.integrator.stiff), portion(nq)
         self._cells[CELL["step"]], self._cells[CELL["last"]] = self.dt, inputs.span[1]
+        self._places = self.u.ctypes.data, self._cells.ctypes.data
+        self._steps = STEPS(address)
+        alone = self._free and self._pieces is None
+        self._single = self._directly(address) if alone else left_to_others
         self._set_out(self._begun, left, left.time if left else 0.0)
 
     def __repr__(self) -> str:
@@ -163,6 +171,13 @@ class Stepper:
                 after the last step that could be taken.
             LinkworkError: forces that do not fit; they are refused before anything happens.
         """
+        if steps == 1 and (out is None or out is self.y):
+            y = self._single(self.u if u is None else u)
+            if y is None and (code := self._told()):  # the step was not taken as a whole
+                self._attend(code)
+                y = self.y.copy()
+            if y is not None:
+                return y if out is None else out
         if u is not None:
             if (
                 type(u) is np.ndarray
@@ -329,8 +344,29 @@ class Stepper:
 
     def _take(self, steps: int) -> None:
         """Take so many steps."""
-        if code := self._steps(self._cells, steps):
+        if code := self._stepped(steps):
             self._attend(code)
+
+    def _stepped(self, steps: int) -> int:
+        """Take so many compiled steps; return OK, or why not all of them could be taken."""
+        self._counts[CELL["count"]] = steps
+        self._steps(*self._places)
+        self._counts[CELL["count"]] = 1
+        return self._told()
+
+    def _told(self) -> int:
+        """Return what came of compiled steps, once."""
+        code = self._counts.item(CELL["code"])
+        self._counts[CELL["code"]] = OK
+        return code
+
+    def _directly(self, address: int) -> Direct:
+        """Return a call that takes forces, one step, and copies the state."""
+        self._counts[CELL["count"]] = 1
+        well, y = self._cells.ctypes.data + 8 * CELL["well"], self.y.ctypes.data
+        ends = Ends(self._places[1], y, self.y.shape, well, 0.0, False, True)
+        memory = self._cells, self.y, self.u
+        return call_of(address, (self.u.size,), NONE, ends, *memory) or left_to_others
 
     def _attend(self, code: int) -> None:
         """Do what compiled steps were left for, and take those that are left; refuse where none can
@@ -351,7 +387,7 @@ class Stepper:
             self._stand.chart.count(done.nfev)
             left = self._onward(done, written=bool(written))
             self._enter(self._passage, left)
-            code = self._steps(self._cells, self._counts.item(CELL["left"]))
+            code = self._stepped(self._counts.item(CELL["left"]))
 
     def _onward(self, done: Trajectory, written: bool) -> Stand:
         """Return where to go on; written: whether q was put where the chart's pivots may have other
@@ -448,10 +484,10 @@ def require_room(out: np.ndarray, shape: tuple[int, ...]) -> None:
 
 
 @cache
-def compiled(stiff: bool) -> Callable[[np.ndarray, int], int]:
-    """Return the compiled steps of a kind of methods; the first time compiles them."""
+def compiled(stiff: bool) -> int:
+    """Return the address of the steps of a kind of methods; the first time compiles them."""
     if stiff:
         from linkwork.stepping.native_stiff import steps
     else:
         from linkwork.stepping.native_explicit import steps
-    return steps
+    return address_of(steps)
