@@ -306,3 +306,12 @@ def test_one_freedom_is_told_as_one():
     robot = Robot(lw.robots.four_bar())
     with pytest.raises(lw.LinkworkError, match="and the robot 1 freedom; name the coordinates"):
         robot.task_values(robot.home)
+
+
+def test_the_task_that_a_refusal_suggests_is_one():
+    """The tip of a level pendulum moves up and down; it is not led in x."""
+    level = lw.robots.pendulum()
+    refused("such as task=('y',) of the tool", Robot(level).task_coordinates)
+    described = level.model_dump()
+    described["tools"]["mass"]["task"] = ("y",)
+    assert Robot(Mechanism(**described)).task == ("y",)

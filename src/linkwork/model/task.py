@@ -99,11 +99,17 @@ def not_plain(robot: Model) -> str:
             "that no task leads the robot; give the tool to another body, or name what is asked of "
             "it"
         )
-    own, task = sum(moving(robot)), names[: freedoms(robot)]
+    moved = dict(zip(names, moving(robot), strict=True))
+    task: tuple[str, ...] = ()
+    # Of those that move at home, and then of the others, the first ones that are independent.
+    for name in sorted(names, key=lambda name: not moved[name]):
+        rows = [TWIST_ROWS[known] for known in (*task, name)]
+        task += (name,) * (max(ranks(robot.once(tool_motions)[:, rows])) > len(task))
     return (
-        f"the tool's pose has {len(names)} coordinates, of which {own} move at home, and the robot "
-        f"{freedoms(robot)} freedom{'s' * (freedoms(robot) > 1)}; name the coordinates that the "
-        f"tool is led in, of {', '.join(names)} and others (such as task={task!r} of the tool)"
+        f"the tool's pose has {len(names)} coordinates, of which {sum(moved.values())} move at "
+        f"home, and the robot {freedoms(robot)} freedom{'s' * (freedoms(robot) > 1)}; name the "
+        f"coordinates that the tool is led in, of {', '.join(names)} and others (such as "
+        f"task={task!r} of the tool)"
     )
 
 
