@@ -189,7 +189,8 @@ def test_a_polynomial_equality_is_a_gear_with_powers(curve, tmp_path):
     assert not imported.mechanism.caveats
     assert imported.mechanism.joints["g"].powers
     robot = lw.Robot(imported.mechanism)
-    save(imported.mechanism, tmp_path / "again.xml")
+    notes = save(imported.mechanism, tmp_path / "again.xml")
+    assert any("g: gears with powers are exact at rest only" in note for note in notes)
     state = robot.home.with_rates(np.random.default_rng(3).normal(size=robot.mobility))
     unforced = np.zeros(len(robot.actuators))
     a = robot.joint_accelerations(state, robot.forward_dynamics(state, unforced))

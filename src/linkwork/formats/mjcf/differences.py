@@ -9,7 +9,7 @@ from linkwork.mechanism.bearing import bearings, what_rubs
 
 def tell_differences(sheet: Sheet) -> None:
     """Note what MuJoCo takes otherwise than the mechanism."""
-    # What MuJoCo's constraints are: soft, and without gamma for held tendons.
+    # What MuJoCo's constraints are: soft, and without gamma for held tendons and curved gears.
     say, effects = sheet.notes.say, [move.effects for move in sheet.moves.values()]
     kinds = {tie.kind for tie in sheet.plan.ties}
     if kinds or sheet.mechanism.gears:
@@ -21,6 +21,12 @@ def tell_differences(sheet: Sheet) -> None:
         say(
             "rods are exact at rest only: MuJoCo leaves out what the rates add to the "
             "second derivative of a held tendon"
+        )
+    gears = sheet.mechanism.gears.items()
+    if curved := [name for name, gear in gears if any(map(any, gear.powers.values()))]:
+        say(
+            f"{', '.join(curved)}: gears with powers are exact at rest only: MuJoCo leaves out "
+            "what the rates add to their second derivative"
         )
     # What it makes of friction and limits.
     if any(own.friction.coulomb for own in effects):
