@@ -327,6 +327,16 @@ def test_points_led_on_as_rotation_vectors_lead_no_other_angles():
             call()
 
 
+def test_other_joints_take_their_turns_between_samples_far_apart():
+    crank = lw.Robot("four_bar")
+    start = float(crank.home["crank_pivot"])
+    around = {"crank_pivot": start}, {"crank_pivot": start + 20.0}
+    timed = motions.point_to_point(*around, motions.AxisLimits(speed=9.0), law="quintic")
+    coarse, fine = (motions.follow(crank, timed, samples=count) for count in (3, 101))
+    assert coarse.positions == pytest.approx(fine.positions[::50], abs=1e-9)
+    assert np.abs(np.diff(fine.positions[[0, -1]], axis=0)).max(axis=0)[1] > 12
+
+
 @pytest.mark.parametrize("count", [1, 10**9, 2.5, "x"])
 def test_numbers_of_samples_that_make_no_motion_are_refused(count, robot):
     timed = motions.point_to_point(robot.home, ENDS[1], LIMITS)

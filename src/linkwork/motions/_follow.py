@@ -17,6 +17,7 @@ from linkwork.motions._flat import flat_along, leads_links
 from linkwork.motions.timed_paths import TimedPath, sample_count
 from linkwork.robot import Robot
 
+STRIDE = 1.0  # by which joints are led at a time [rad]
 WORST = 1e8  # condition of the map from independent rates to those that are given
 
 
@@ -161,11 +162,17 @@ def of_joints(robot: Robot, timed: TimedPath, samples: int, guess: State | None)
     """Return the motion that joint coordinates over time determine."""
     time = np.linspace(0, timed.duration, samples)
     values, rates, accelerations = (checks.finite(part, "the path") for part in timed.sample(time))
-    # Each state from the one before, so that all lie on one branch.
+    # Each state from the one before, so that all lie on one branch; in strides where samples are
+    # so far apart that other joints may have taken a turn.
+    angles = [robot.unit(name) == "rad" for name in timed.names]
+    turned = np.abs(np.diff(values[:, angles], axis=0)).max(axis=1, initial=0.0)
+    strides = [0, *np.floor(turned / STRIDE).astype(int)]
     states = []
     for k, point in enumerate(values):
         with checks.at(f"at t = {time[k]:.6g} s{between(timed, time[k])}: "):
-            guess = placed(robot, timed.names, point, guess)
+            aside = np.linspace(time[max(k - 1, 0)], time[k], strides[k] + 2)[1:-1]
+            for led in (*timed.sample(aside)[0], point):
+                guess = placed(robot, timed.names, led, guess)
         states.append(guess)
     still = joined(states)
     # Rates and accelerations from those of the joints that are led.
