@@ -37,11 +37,13 @@ class DerivativeKernels(NamedTuple):
 
 
 class StiffKernels(NamedTuple):
-    """Addresses of the kernels that Rosenbrock steps need beside the others."""
+    """Addresses of the kernels that Rosenbrock steps need beside the others; lanes: how many stages
+    `bend_against` evaluates side by side."""
 
     jacobian: int
     bend: int
     bend_against: int
+    lanes: int
 
 
 class StateSizes(NamedTuple):

@@ -21,7 +21,7 @@ Names are those of `native_steps`; kernels are called by their addresses:
     jacobian      in = (y, u, p)         out = f_y, f_u column by column
     bend          in = (y, u, p, e, d)   out = g_x d
     bend_against  in = (y, u, p, e, l)   out = the derivative of l . (g, that of the cost) by
-                                               (y, u, p)
+                                               (y, u, p), of several stages side by side
 """
 
 from typing import Any, NamedTuple
@@ -29,6 +29,7 @@ from typing import Any, NamedTuple
 from numba import njit
 
 from linkwork.gradients.native_steps import weighed
+from linkwork.simulation.abreast import ALIGNED
 from linkwork.simulation.compiled import OPTIONS
 from linkwork.simulation.native_parts import copy, force, padded
 from linkwork.simulation.native_rosenbrock import decompose, solve
@@ -161,6 +162,41 @@ def directed(bench, stiff, sizes, method, i, h):
         stiff.direction[m] = h * k[m]
     for c in range(sizes.signals):
         stiff.direction[n + c] = share * stiff.input_rates[c]
+
+
+@njit(**OPTIONS)
+def wide_size(sizes, lanes):
+    """Return how many numbers `bend_against` takes and gives, with room to be aligned."""
+    inputs, given = sizes.signals + sizes.held, given_size(sizes)
+    return lanes * (2 * given + 2 * sizes.n + inputs + 2) + ALIGNED // 8
+
+
+@njit(**OPTIONS)
+def bent_together(bench, stiff, second, sizes, method, h, leads, width, wide):
+    """Leave in `bends` what the matrix of a step tells of (y, u, p), by the bars (n + 1) of all
+    stages, which are `width` apart."""
+    n, given, lanes = sizes.n, given_size(sizes), second.lanes
+    along = n + sizes.signals + sizes.held
+    taken = given + along + n + 1
+    out = wide + lanes * (taken + taken % 2)  # aligned, with four lanes, too
+    for m in range(given):
+        stiff.bends[m] = 0.0
+        for lane in range(lanes):
+            wide[m * lanes + lane] = stiff.bent[m]
+    for first in range(1, method.solution, lanes):
+        for lane in range(lanes):
+            i, e = first + lane, wide + given * lanes + lane
+            bars, live = e + along * lanes, i < method.solution
+            if live:
+                directed(bench, stiff, sizes, method, i, h)
+            for m in range(along):
+                e[m * lanes] = stiff.direction[m] if live else 0.0
+            for m in range(n + 1):
+                bars[m * lanes] = leads[i * width + m] if live else 0.0
+        call(second.bend_against, wide, out)
+        for m in range(given):
+            for lane in range(lanes):
+                stiff.bends[m] += out[m * lanes + lane]
 
 
 @njit(**OPTIONS)

@@ -19,6 +19,7 @@ from linkwork.gradients.native_steps import (
     within,
 )
 from linkwork.gradients.native_stiff_steps import (
+    bent_together,
     directed,
     forced,
     given_size,
@@ -27,6 +28,7 @@ from linkwork.gradients.native_stiff_steps import (
     stages_made_again,
     stiff_at,
     stiff_size,
+    wide_size,
 )
 from linkwork.gradients.native_sweeps import (
     BACKWARDS,
@@ -36,6 +38,7 @@ from linkwork.gradients.native_sweeps import (
     row_along,
     sample_along,
 )
+from linkwork.simulation.abreast import within as aligned
 from linkwork.simulation.compiled import OPTIONS, compiled_once
 from linkwork.simulation.native_loop import flat
 from linkwork.simulation.native_parts import copy, inputs_of, method_of, padded
@@ -164,16 +167,6 @@ def cost_of(bench, stiff, kernels, sizes, method, h, slopes, stages):
 
 
 @njit(**OPTIONS)
-def bent_against(bench, stiff, second, sizes, method, inputs, i, h, before, signals, held, p_bar):
-    """Add what the matrix of a step tells, where the seed holds the bars of a stage."""
-    directed(bench, stiff, sizes, method, i, h)
-    call(second.bend_against, stiff.bent, stiff.bends)
-    for m in range(sizes.n):
-        before[m] += stiff.bends[m]
-    inputs_against(bench, sizes, inputs, 1, stiff.bends + sizes.n, signals, held, p_bar)
-
-
-@njit(**OPTIONS)
 def rates_against(bench, stiff, kernels, sizes, method, inputs, i, h, slopes, signals):
     """Add what the rates of the inputs at the start tell of their coefficients."""
     n, columns, piece = sizes.n, sizes.signals, int(bench.pieces[1])
@@ -220,6 +213,8 @@ def adjoint(
     slopes = before + width
     stages = slopes + b_width
     leads = stages + rows
+    side_by_side = np.zeros(wide_size(sizes, second.lanes))
+    wide = aligned(side_by_side, bars)
     own, place = pointer(bar), places.size - 1
     signals, held_out, p_out = pointer(signal_bar), pointer(held_bar), pointer(p_bar)
     for m in range(n):
@@ -274,10 +269,12 @@ def adjoint(
                 a, C = h * method.a[j * rows + i], e[j * rows + i]
                 for m in range(n):
                     base[i * width + m] += a * bars[j * b_width + m] + C * lead[m]
-            bent_against(
-                bench, stiff, second, sizes, method, inputs, j, h, before, signals, held_out, p_out
-            )
             rates_against(bench, stiff, kernels, sizes, method, inputs, j, h, slopes, signals)
+        # What their matrix tells of the start.
+        bent_together(bench, stiff, second, sizes, method, h, base, width, wide)
+        for m in range(n):
+            before[m] += stiff.bends[m]
+        inputs_against(bench, sizes, inputs, 1, stiff.bends + n, signals, held_out, p_out)
         copy(before, own, n)
-    memory[0] = 0.0  # the memory lives to the end
+    memory[0] = side_by_side[0] = 0.0  # the memory lives to the end
     return integral

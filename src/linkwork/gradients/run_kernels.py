@@ -17,6 +17,7 @@ from linkwork.control.joined import Joined
 from linkwork.equations import Equations, functions
 from linkwork.equations.algebra import SX
 from linkwork.gradients.native_steps import DerivativeKernels, StiffKernels
+from linkwork.kernels import Kernel
 from linkwork.model.charts import CompiledChart
 from linkwork.runs.system import System
 from linkwork.simulation import as_signal
@@ -195,10 +196,12 @@ def stiff_addresses(acting: Acting, chart: CompiledChart, cost: int | None) -> S
     """Return the addresses of what Rosenbrock steps need beside `addresses`."""
     system = joined_with(acting)
     of_run = partial(of_system, system, chart)
+    kernel = kernel_of(system, chart, f"bend_against {cost}", lambda own: bend_against(own, cost))
     return StiffKernels(
         jacobian=system.jacobian(chart),
         bend=of_run("bend", bend),
-        bend_against=of_run(f"bend_against {cost}", lambda own: bend_against(own, cost)),
+        bend_against=kernel.wide_address,
+        lanes=kernel.abreast * kernel.lanes,
     )
 
 
@@ -211,7 +214,12 @@ def of_system(
     system: System, chart: CompiledChart, name: str, make: Callable[[Joined], ca.Function]
 ) -> int:
     """Return the address of a kernel of what runs compute in a chart."""
+    return kernel_of(system, chart, name, make).address
+
+
+def kernel_of(
+    system: System, chart: CompiledChart, name: str, make: Callable[[Joined], ca.Function]
+) -> Kernel:
+    """Return a kernel of what runs compute in a chart."""
     assert system.acting is not None
-    return chart.compiled(
-        f"{system.acting.key} {name}", lambda _: make(system.joined(chart))
-    ).address
+    return chart.compiled(f"{system.acting.key} {name}", lambda _: make(system.joined(chart)))
