@@ -126,7 +126,7 @@ class ActuationModel:
         Raises:
             SingularError: where the joints do not determine the motors.
         """
-        found = self._quick("jacobian")(state)
+        found = self._quick["jacobian"](state)
         return self._matrix("jacobian", state) if found is None else found
 
     def jacobian_rate(self, state: State, rates: ArrayLike | None = None) -> np.ndarray:
@@ -135,12 +135,12 @@ class ActuationModel:
         J does not depend on what moves no motor.
         """
         if rates is None:
-            found = self._of_state("jacobian_rate")(state)
+            found = self._of_state["jacobian_rate"](state)
             if found is not None:
                 return found
             w = self.compiled.rates(state).take(self.compiled.places, axis=-1)
         else:
-            found = self._quick("jacobian_rate")(state, rates)
+            found = self._quick["jacobian_rate"](state, rates)
             if found is not None:
                 return found
             w = self._given(rates, "rates", "joints")
@@ -148,17 +148,17 @@ class ActuationModel:
 
     def motor_rates(self, state: State, rates: ArrayLike) -> np.ndarray:
         """Return the rates (..., k) of the motors for rates of the joints, J w."""
-        found = self._quick("motor_rates")(state, rates)
+        found = self._quick["motor_rates"](state, rates)
         return self._mapped("motor_rates", state, rates, "joints") if found is None else found
 
     def joint_rates(self, state: State, rates: ArrayLike) -> np.ndarray:
         """Return the rates (..., k) of the joints for rates of the motors, J^-1 w_m."""
-        found = self._quick("joint_rates")(state, rates)
+        found = self._quick["joint_rates"](state, rates)
         return self._mapped("joint_rates", state, rates, "motors") if found is None else found
 
     def joint_torques(self, state: State, torques: ArrayLike) -> np.ndarray:
         """Return the torques (..., k) that those of the motors make in the joints, J^T u."""
-        found = self._quick("joint_torques")(state, torques)
+        found = self._quick["joint_torques"](state, torques)
         return self._mapped("joint_torques", state, torques, "motors") if found is None else found
 
     def motor_torques(self, state: State, torques: ArrayLike) -> np.ndarray:
@@ -167,7 +167,7 @@ class ActuationModel:
         Raises:
             SingularError: where the motors do not hold the joints.
         """
-        found = self._quick("motor_torques")(state, torques)
+        found = self._quick["motor_torques"](state, torques)
         return self._mapped("motor_torques", state, torques, "joints") if found is None else found
 
     # Dynamics
@@ -175,15 +175,15 @@ class ActuationModel:
     def inertia(self, state: State, side: Side = "joints") -> np.ndarray:
         """Return the apparent inertia (..., k, k) at the joints, or at the motors: that of the
         whole mechanism, the other independent rates held."""
-        name = "joint_inertia" if self._of_joints(side) else "motor_inertia"
-        found = self._quick(name)(state)
+        name = "joint_inertia" if side == "joints" or self._of_joints(side) else "motor_inertia"
+        found = self._quick[name](state)
         return self._matrix(name, state) if found is None else found
 
     def bias(self, state: State, side: Side = "joints") -> np.ndarray:
         """Return h (..., k), C v + G - f: the torques at the joints, or at the motors, without
         accelerations of these."""
-        name = "joint_bias" if self._of_joints(side) else "motor_bias"
-        found = self._of_state(name)(state)
+        name = "joint_bias" if side == "joints" or self._of_joints(side) else "motor_bias"
+        found = self._of_state[name](state)
         if found is None:
             return self.compiled.found(name, state, self.compiled.rates(state))
         return found
@@ -315,12 +315,12 @@ class ActuationModel:
     def _mapped(self, name: str, state: State, values: ArrayLike, side: Side) -> np.ndarray:
         """Return rates or torques (..., k) of the other side at states."""
         given = self._given(values, "torques" if name.endswith("torques") else "rates", side)
-        found = self._quick(name)(state, given)
+        found = self._quick[name](state, given)
         return self.compiled.found(name, state, given) if found is None else found
 
     def _inverse(self, state: State) -> np.ndarray:
         """Return J^-1 (..., k, k), refused where the motors do not hold the joints."""
-        found = self._quick("inverse")(state)
+        found = self._quick["inverse"](state)
         return self._matrix("inverse", state) if found is None else found
 
     def _bent(self, state: State, torques: ArrayLike | None) -> np.ndarray:

@@ -7,7 +7,7 @@ is looked at again here, and refused.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import inf
@@ -31,6 +31,17 @@ SIDEWAYS = 1e-7
 arranged."""
 
 
+class QuickCalls(dict[str, Quick]):
+    """Hold the shortest calls by name, each made when it is first asked for."""
+
+    def __init__(self, make: Callable[[str], Quick]):
+        super().__init__()
+        self._make = make
+
+    def __missing__(self, name: str) -> Quick:
+        return self.setdefault(name, self._make(name))
+
+
 @dataclass(frozen=True, eq=False)
 class CompiledMap:
     """Hold the map of a robot's motors by joints in the rates of a chart.
@@ -50,15 +61,15 @@ class CompiledMap:
         return LoopMap(self.chart.equations, self.joints, self.motors)
 
     @cached_property
-    def quick(self) -> Callable[[str], Quick]:
+    def quick(self) -> Mapping[str, Quick]:
         """What gives one result at states (and vectors), None where that is doubted."""
-        return lru_cache(maxsize=None)(lambda name: self._short(name, None))
+        return QuickCalls(lambda name: self._short(name, None))
 
     @cached_property
-    def of_state(self) -> Callable[[str], Quick]:
+    def of_state(self) -> Mapping[str, Quick]:
         """The same at the rates of the states."""
         home = self.robot.chart.equations
-        return lru_cache(maxsize=None)(lambda name: self._short(name, home))
+        return QuickCalls(lambda name: self._short(name, home))
 
     def found(self, name: str, state: State, given: np.ndarray | None = None) -> np.ndarray:
         """Return what is asked for (..., size) at states, refused where it is not defined.
