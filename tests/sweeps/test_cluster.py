@@ -16,6 +16,7 @@ from distributed import Client
 
 from linkwork.sweeps import Study, StudyError, runner, sweep
 
+from tests.catalogue import WHOLE
 from tests.processes import PATIENCE, python
 from tests.sweeps.carts import count, file, finished, results
 
@@ -108,7 +109,10 @@ def test_a_worker_that_is_killed_and_a_scheduler_that_is_lost(wanted, tmp_path):
             run.result(PATIENCE)
     kept = finished(out)
     assert 16 < kept.sum() < kept.size
-    outcome = sweep(Study.load(path), out)  # what runs here does the same
+    with ExitStack() as stack:
+        # Here, or on another cluster where all is tried.
+        another = stack.enter_context(cluster(tmp_path, workers=1))[0] if WHOLE else None
+        outcome = sweep(Study.load(path), out, scheduler=another)
     assert outcome.before == kept.sum()
     assert outcome.computed == kept.size - kept.sum()
     found = results(out)
