@@ -115,7 +115,7 @@ class PossibleBody:
         m, c, I = self.parts(np.asarray(theta, float))  # noqa: E741
         x, y, z = map(float, c)
         return Body(
-            mass=float(m.real),
+            mass=float(m),
             centre_of_mass=(x, y, z),
             inertia=inertia_of(I, self.flat),
             shapes=like.shapes,
@@ -335,5 +335,5 @@ def payload(
     spreads = np.sqrt(np.diagonal(covariance))
     centre = size * np.append(spreads[1:3], 0.0) if flat else size * spreads[1:4]
     return EstimatedPayload(
-        robot, name, float(m.real), (x, y, z), inertia, float(m.real * spreads[0]), centre
+        robot, name, float(m), (x, y, z), inertia, float(m * spreads[0]), centre
     )
