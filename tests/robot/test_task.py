@@ -13,11 +13,12 @@ from linkwork.equations.task import task_map
 from linkwork.mechanism.task import NAMES
 from linkwork.model import dexterity
 from linkwork.model.task import values
-from linkwork.paths import Path, line
+from linkwork.paths import Path, circle, line
 
 from tests.robot.mixed_freedoms import pose_of_three_legs, scara, three_legs
 
 TILTED = ("z", "azimuth", "tilt")
+AHEAD = Frame(position=(1.0, 0.0, 0.0))
 
 
 @pytest.fixture(scope="module", params=["RRS", "RPS"])
@@ -108,13 +109,63 @@ def test_following_gives_exact_rates_and_accelerations(legs):
     np.testing.assert_allclose(motion.joint_accelerations[2:-2, places], bends, atol=1e-4)
 
 
-@pytest.mark.parametrize(("turn", "samples"), [(9.0, 3), (-40.0, 2), (100.0, 11)])
+@pytest.mark.parametrize(
+    ("turn", "samples"), [(9.0, 3), (-40.0, 2), (100.0, 11), (2 * np.pi, 2), (-4 * np.pi, 2)]
+)
 def test_whole_turns_between_samples_are_counted(arm, turn, samples):
     """The wrist of a SCARA robot turns as its tool, less than the two joints before it."""
     values = arm.task_values(arm.home)
     path = line(values, values + np.array([0.02, 0, 0, turn]))
     moved = np.diff(arm.follow(path, 1.0, samples=samples).positions[[0, -1]], axis=0)[0]
     assert moved[[0, 1, 3]].sum() == pytest.approx(turn, abs=1e-12)
+
+
+@pytest.mark.parametrize("samples", [2, 3, 5])
+def test_whole_circles_between_samples_are_counted(samples):
+    """An arm of two links whose tool goes around its shoulder turns there, and not at its elbow."""
+    planar = Robot(
+        lw.Mechanism(
+            name="two links",
+            bodies={name: lw.Body(mass=1.0) for name in ("upper", "lower")},
+            joints={
+                "shoulder": lw.RevoluteJoint(connects=("ground", "upper")),
+                "elbow": lw.RevoluteJoint(connects=("upper", "lower"), frames=(AHEAD, lw.Frame())),
+            },
+            tools={"tip": lw.Tool(body="lower", frame=AHEAD)},
+            reference={"elbow": 1.0},
+        )
+    )
+    x, y = planar.task_values(planar.home)
+    around = circle((0.0, 0.0), np.hypot(x, y), start=np.arctan2(y, x))
+    moved = np.diff(planar.follow(around, 1.0, samples=samples).positions[[0, -1]], axis=0)
+    assert moved == pytest.approx(np.array([[2 * np.pi, 0.0]]), abs=1e-12)
+
+
+@pytest.mark.parametrize(("turn", "samples"), [(2 * np.pi, 2), (13.0, 3), (60.0, 2)])
+def test_joints_that_close_loops_count_the_turns_that_a_tool_takes_them(turn, samples):
+    """The shafts of a Cardan joint turn together, never a quarter of a turn apart."""
+    bend, (shaft, out) = 0.6, ("shaft", "out")
+    cardan = Robot(
+        lw.Mechanism(
+            name="cardan",
+            bodies={name: lw.Body(mass=1.0) for name in (shaft, out)},
+            joints={
+                "first": lw.RevoluteJoint(connects=("ground", shaft)),
+                "cross": lw.UniversalJoint(connects=(shaft, out), axes=((1, 0, 0), (0, 1, 0))),
+                "last": lw.RevoluteJoint(
+                    connects=("ground", out), frames=(lw.Frame(rotation=(bend, 0, 0)), lw.Frame())
+                ),
+            },
+            tools={"hand": lw.Tool(body=shaft, task=(TurnAbout(axis=(0, 0, 1)),))},
+        )
+    )
+    value = cardan.task_values(cardan.home)
+    motion = cardan.follow(line(value, value + turn), 1.0, samples=samples)
+    first, last = (motion.state[name] - motion.state[name][0] for name in ("first", "last"))
+    assert first == pytest.approx(turn * np.linspace(0, 1, samples), abs=1e-9)
+    assert np.abs(last - first).max() < np.pi / 2
+    cross = motion.state["cross.angle_1"]
+    assert np.abs(cross).max() <= bend + 1e-9
 
 
 def test_a_stated_task_is_led_in(arm):
