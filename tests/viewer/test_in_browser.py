@@ -156,12 +156,13 @@ def test_a_run_plays_to_its_end(chromium, viewer):
     home(viewer)
     browser = Browser(chromium, viewer)
     browser.page.get_by_role("tab", name="Simulate").click()
-    browser.page.get_by_label("slide_1 [N]").fill("3")
-    browser.page.get_by_label("Duration [s]").fill("0.5")
+    browser.page.get_by_label("slide_1 [N]").fill("2.875")
+    browser.page.get_by_label("Duration [s]").fill("0.505")
     browser.page.get_by_role("button", name="Simulate from here").click()
     until(lambda: viewer.session.playable and viewer.session.player.ended)
-    assert viewer.session.player.time == pytest.approx(0.5)
-    until(lambda: "t = 0.500 s" in browser.text())
+    assert viewer.session.player.time == pytest.approx(0.505)
+    assert viewer.session.view().forces["slide_1"] == 2.875
+    until(lambda: "t = 0.505 s" in browser.text())
     browser.page.get_by_role("tab", name="Run").click()
     browser.page.wait_for_selector(".uplot")
     assert browser.wrong == []

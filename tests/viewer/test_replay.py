@@ -93,6 +93,7 @@ def test_curves_and_their_mark():
     time, *curves, mark = found.at(0.123)
     assert (np.diff(time) >= 0).all() and len({len(x) for x in (time, *curves, mark)}) == 1
     assert time[int(np.argmax(mark))] == 0.123
+    assert found.at(0.9)[0][-1] == 0.5  # the run that is laid over goes on longer
     assert np.interp(0.123, found.time, found.values[0]) == pytest.approx(
         curves[0][int(np.argmax(mark))]
     )

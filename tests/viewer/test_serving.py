@@ -8,6 +8,8 @@ import threading
 import urllib.error
 import urllib.request
 from contextlib import nullcontext
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from linkwork.cli import app
 from linkwork.viewer import Viewer
 from linkwork.viewer.access import LOOPBACK, Door, free_port, shown_host
 from linkwork.viewer.mailbox import Mailbox
+from linkwork.viewer.panels import stand
 
 from tests.processes import PATIENCE, python
 from tests.viewer.browser import until
@@ -222,6 +225,45 @@ def test_a_simulation_is_carried_out_beside_and_played(robot):
         until(lambda: viewer.session.playable and viewer.session.player.ended)
         final = viewer.session.replay.state(0.2)
         assert final.positions == pytest.approx(robot.home.positions, abs=0.05)
+
+
+def test_a_slider_tells_of_turns_and_of_ways_beyond_its_range():
+    robot = Robot(robots.five_bar())
+    run = robot.simulate(robot.home, dict.fromkeys(robot.actuators, 0.4), duration=3.0)
+    turned = float(run.final["motor_1"])
+    with Viewer(robot, run) as viewer:
+        slider = viewer.panels.sliders["motor_1"]
+        assert turned > slider.max + 2 * np.pi
+        viewer.post(lambda: viewer.session.seek(3.0))
+        until(lambda: np.isclose(np.sin((slider.value - turned) / 2), 0, atol=1e-9))
+        assert slider.min <= slider.value <= slider.max
+        way = viewer.server.gui.add_slider("way [m]", -0.5, 0.5, 0.001, 0.0)
+        for far in (9.1234, -9.1234):
+            stand(way, far, turns=False)
+            assert way.value == far and way.min <= far <= way.max
+
+
+def test_the_curves_that_were_chosen_stay_so_with_the_next_run(robot):
+    run = robot.simulate(robot.home, {"slide_1": 1.0}, duration=0.1)
+    with Viewer(robot, run) as viewer:
+        panels = viewer.panels
+        assert panels.quantity.value == "joint_position"
+        panels.quantity.value = "kinetic_energy"
+        panels.show_run(run)
+        assert panels.quantity.value == "kinetic_energy" and panels.traces.unit == "J"
+
+
+def test_a_camera_goes_as_far_as_the_mechanism_reaches_now():
+    robot = Robot(robots.double_pendulum())
+    with Viewer(robot) as viewer:
+        stage, camera = viewer.stage, SimpleNamespace(aspect=1.5)
+        away = []
+        for turn in (0.0, 9.0):
+            placement = viewer.session.layout.place(robot.home)
+            stage.show(replace(placement, positions=placement.positions + turn))
+            stage.look(SimpleNamespace(camera=camera, atomic=nullcontext), "iso", None)
+            away.append(np.linalg.norm(camera.position - camera.look_at))
+        assert away[1] > away[0] + 9 * np.sqrt(3)
 
 
 def test_what_cannot_be_simulated_is_said(robot):

@@ -100,6 +100,16 @@ def test_dragging_stops_a_run_where_it_is(session, robot):
     assert session.view().tool[0] == pytest.approx(there[0])
 
 
+def test_what_was_said_of_a_pose_is_not_said_of_the_run_that_is_played(session, robot):
+    session.load(robot.simulate(robot.home, {"slide_1": 9.0}, duration=1.0, max_steps=3))
+    position, R = session.view().tool
+    session.drag(position + 9 * np.eye(3)[0], R)
+    settle(session)
+    assert "edge of the workspace" in session.notice
+    session.play()
+    assert "edge of the workspace" not in session.notice and "ended early" in session.notice
+
+
 def test_while_posing_forces_are_those_that_hold(session, robot):
     forces = session.view().forces
     assert list(forces.values()) == pytest.approx(robot.inverse_dynamics(robot.home, np.zeros(3)))

@@ -26,6 +26,7 @@ from linkwork.viewer.traces import Traces, quantities, traces
 from linkwork.views.style import COLOURS
 
 STEPS = 1000  # of a slider
+DIGITS = 6  # behind the point that can be typed; without it as many as the first value has
 UNTOUCHED = 0.5  # how long after a touch a control is left to the hand that holds it [s]
 NONE = "none"
 PIXELS = ((), (8, 3))  # dashes of curves, those of the second round of colours [pixels]
@@ -187,9 +188,11 @@ class Panels:
         self.clock.value = player.time
         self._set_speed()
         self._set_loop()
-        names = quantities(run)
-        self.quantity.options = (*names, NONE)
-        self.quantity.value = "joint_position" if "joint_position" in names else NONE
+        names = (*quantities(run), NONE)
+        first = "joint_position" if "joint_position" in names else NONE
+        chosen = first if self.traces is None else str(self.quantity.value)
+        self.quantity.options = names
+        self.quantity.value = chosen if chosen in names else first
         self.show_curves()
 
     def show_curves(self) -> None:
@@ -236,6 +239,8 @@ class Panels:
             for name in robot.actuators
         }
         self.duration = self.gui.add_number("Duration [s]", 2.0, min=0.01, max=1000.0)
+        for number in (*self.forces.values(), self.duration):
+            number.precision = DIGITS
         self.start = self.gui.add_button("Simulate from here")
         self.start.on_click(lambda _: self._simulate())
 
@@ -333,7 +338,7 @@ class Panels:
         now = monotonic()
         for name, slider in self.sliders.items():
             if not self._held(name, now):
-                slider.value = float(np.clip(view.coordinates[name], slider.min, slider.max))
+                stand(slider, view.coordinates[name], turns=self.session.robot.unit(name) == "rad")
         if self.angle is not None and view.angle is not None and not self._held(ANGLE, now):
             self.angle.value = float(np.clip(view.angle, -HALF_TURN, HALF_TURN))
         if view.time is not None and not self._held("time", now):
@@ -372,6 +377,18 @@ class Panels:
 def fine_step(span: float) -> float:
     """Return a power of ten of which a span holds a thousand or more."""
     return float(10.0 ** np.floor(np.log10(span / STEPS)))
+
+
+def stand(slider: viser.GuiSliderHandle, value: float, *, turns: bool) -> None:
+    """Let a slider stand at a value: an angle beyond a range of a whole turn stands where it is the
+    same one but for whole turns; for any other value the range grows."""
+    if turns and slider.max - slider.min >= 2 * np.pi and not slider.min <= value <= slider.max:
+        value = slider.min + (value - slider.min) % (2 * np.pi)
+    if value < slider.min:
+        slider.min = float(np.floor(value / slider.step) * slider.step)
+    if value > slider.max:
+        slider.max = float(np.ceil(value / slider.step) * slider.step)
+    slider.value = float(np.clip(value, slider.min, slider.max))
 
 
 def facts(session: Session, view: View) -> str:

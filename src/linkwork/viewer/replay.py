@@ -42,6 +42,13 @@ class Replay:
         """Tell whether the run holds no sample."""
         return not len(self.time)
 
+    @property
+    def told(self) -> str:
+        """Return a sentence on what is unusual about the run, or nothing."""
+        if not self.run.success:
+            return f"the run ended early: {self.run.message}"
+        return "the run holds one sample: it stands still" if len(self.time) == 1 else ""
+
     def state(self, t: float) -> State:
         """Return the state at a time [s]; before the first sample the first, after the last one the
         last."""

@@ -215,9 +215,8 @@ class Session:
             return
         self.player = Player.of(float(replay.time[0]), float(replay.time[-1]))
         self.lay_over(None if self.over is None else self.over.run)
-        alone = "the run holds one sample: it stands still" if len(replay.time) == 1 else ""
-        self.notice = alone if run.success else f"the run ended early: {run.message}"
         self.largest = {kind: self.largest_of(kind, replay) for kind in KINDS}
+        self.following = False
         self.follow_run()
 
     def lay_over(self, run: Run | None) -> None:
@@ -256,7 +255,7 @@ class Session:
         """Play or pause the run."""
         if self.playable:
             self.end()
-            self.player, self.following = self.player.toggled(), True
+            self.player = self.player.toggled()
             self.follow_run()
 
     def seek(self, time: float) -> None:
@@ -320,8 +319,12 @@ class Session:
         self.live, self.hand = None, None
 
     def follow_run(self) -> None:
-        if self.replay is not None and not self.replay.empty:
-            self.following, self.state = True, self.replay.state(self.player.time)
+        """Show the run where it stands; what was said of a pose by hand is said no longer."""
+        if self.replay is None or self.replay.empty:
+            return
+        if not self.following:
+            self.following, self.notice = True, self.replay.told
+        self.state = self.replay.state(self.player.time)
 
     # What is seen
 

@@ -68,6 +68,7 @@ class BrowserStage:
     """Show one robot in the scene of a server.
 
     placed, rails: where parts that stand still are, among them the rails
+    shown: where all parts are now, rails excepted
     lift: by which the trail and the frames of a planar mechanism are raised, to lie on its plates
         and not in them (3) [m]
     away: how far from its middle the whole mechanism is seen [m]
@@ -84,7 +85,7 @@ class BrowserStage:
         self.still = [
             self._add_batch(group, placement) for group in of_mesh(self.parts.parts, ~moving)
         ]
-        self.placed: Placement = placement
+        self.placed = self.shown = placement
         self.rails: tuple[Rail, ...] = ()
         self.lay(session.rails)
         self.handle = (
@@ -166,6 +167,7 @@ class BrowserStage:
 
     def show(self, placement: Placement) -> None:
         """Move all parts to their places."""
+        self.shown = placement
         self._move(self.batches, placement)
 
     def _move(self, batches: Sequence[Batch], placement: Placement) -> None:
@@ -372,10 +374,11 @@ class BrowserStage:
 
     def look(self, client: viser.ClientHandle, name: str, centre: np.ndarray | None) -> None:
         """Let one browser look from one of `CAMERAS`, at a point (3) [m] or at the mechanism's
-        middle."""
+        middle, from so far away that all of it is seen as it stands now."""
         up, towards = camera(name, self.robot)
         middle = self.parts.centre if centre is None else centre
-        look(client, middle, up, self.away * towards)
+        extent = np.linalg.norm(points_of(self.parts.parts, self.shown) - middle, axis=1).max()
+        look(client, middle, up, max(self.away, distance(extent)) * towards)
 
     def welcome(self, client: viser.ClientHandle) -> None:
         """Let a browser that is higher than wide see the whole mechanism, once it stands where all

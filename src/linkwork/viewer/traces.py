@@ -25,8 +25,9 @@ class Traces:
     unit: str
 
     def at(self, now: float) -> tuple[np.ndarray, ...]:
-        """Return times and curves, and a last curve that marks a time: a spike there as high as all
-        curves are."""
+        """Return times and curves, and a last curve that marks a time, or the end that is nearest
+        to it: a spike there as high as all curves are."""
+        now = float(np.clip(now, *self.time[[0, -1]])) if len(self.time) else now
         k = int(np.searchsorted(self.time, now, side="right"))
         time = np.insert(self.time, k, (now, now, now))
         here = [np.interp(now, self.time, curve) for curve in self.values]
