@@ -29,6 +29,7 @@ from linkwork.mechanism import (
 )
 
 EARTH = (0.0, 0.0, -9.81)
+FREE = Limits()
 PART = Inertia(xx=0.02, yy=0.03, zz=0.025, xy=0.001, xz=-0.002, yz=0.003)
 SKEW = Frame(position=(0.1, -0.2, 0.3), rotation=(0.3, -0.5, 0.7))
 
@@ -230,9 +231,39 @@ def test_pinocchio_reads_the_same_tree():
 
 
 def test_what_is_left_out_is_said():
-    _, notes = to_urdf(lw.robots.puma560().model_copy(update={"gravity": (0.0, -1.0, 0.0)}))
+    changes = {"gravity": (0.0, -1.0, 0.0), "actuators": ("shoulder",)}
+    _, notes = to_urdf(turning(rotors=(0.3, 0.2)).model_copy(update=changes))
     assert any("URDF holds no gravity, which is (0 -1 0) here" in note for note in notes)
-    assert any("rotor inertias are left out" in note for note in notes)
+    assert any("rotor inertias of joints that are not driven are left out" in n for n in notes)
+
+
+def turning(rotors: tuple[float, float], limits: Limits = FREE) -> Mechanism:
+    """Return an arm of two hinges with rotors."""
+    shoulder, elbow = rotors
+    body = Body(mass=1.0, centre_of_mass=(0.1, 0.2, -0.1), inertia=PART)
+    joints = {
+        "shoulder": RevoluteJoint(connects=("ground", "a"), rotor_inertia=shoulder, limits=limits),
+        "elbow": RevoluteJoint(connects=("a", "b"), frames=(SKEW, SKEW), rotor_inertia=elbow),
+    }
+    return Mechanism(
+        name="turning",
+        bodies={"a": body, "b": body},
+        joints=joints,
+        actuators=("shoulder", "elbow"),
+        gravity=EARTH,
+    )
+
+
+@pytest.mark.parametrize("loops", ["inside", "beside"])
+def test_rotors_of_driven_joints_are_read_again(loops, tmp_path):
+    """All driven joints have a drive, so that those without a rotor stay driven; none is given a
+    limit of effort."""
+    robot = lw.Robot(turning((0.3, 0.0), Limits(lower=-1.0, upper=2.0)))
+    other = again(robot, tmp_path / "turning.urdf", loops)
+    assert difference(robot, other) < 1e-12
+    rotors = {name: joint.rotor_inertia for name, joint in other.mechanism.joints.items()}  # pyright: ignore
+    assert rotors == {"shoulder": 0.3, "elbow": 0.0}
+    assert not other.drives
 
 
 @pytest.mark.parametrize(

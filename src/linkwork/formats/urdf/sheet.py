@@ -23,6 +23,7 @@ class UrdfSheet:
     beside: whether loops stand in a file of their own, where the URDF says nothing of them
     carriers: of each body, the frame of its link in it
     closings: pairs of frames that close loops, with their types (`closings`)
+    rotors: what the rotors of driven joints add to their inertia, by the joint's name in the file
     """
 
     mechanism: Mechanism
@@ -31,6 +32,7 @@ class UrdfSheet:
     notes: Notes = field(default_factory=Notes)
     carriers: dict[str, np.ndarray] = field(default_factory=lambda: {GROUND: np.eye(4)})
     closings: list[tuple[tuple[str, str], str]] = field(default_factory=list)
+    rotors: dict[str, float] = field(default_factory=dict)
 
     @property
     def names(self) -> set[str]:
@@ -94,8 +96,13 @@ def write_step(
     bounded = slides or own.limits.bounded
     kind = "prismatic" if slides else "revolute" if bounded else "continuous"
     element = add_joint(sheet, name, kind, *links, X, axis)
+    if driven := label in sheet.mechanism.actuators:
+        sheet.rotors[name] = own.rotor
+    elif own.rotor:
+        sheet.notes.say(
+            "rotor inertias of joints that are not driven are left out: URDF has none", alters=True
+        )
     if not sheet.beside:
-        driven = label in sheet.mechanism.actuators
         element.set("independent", "true" if driven else "false")
     if bounded or own.limits.speed is not None:
         ET.SubElement(element, "limit", bounds(own.limits, kind))

@@ -42,7 +42,9 @@ from linkwork.mechanism import (
 from linkwork.mechanism.bearing import bearings
 from linkwork.mechanism.effects import Friction
 from linkwork.mechanism.files import write_whole
+from linkwork.mechanism.record import HUGE
 
+DRAKE = "https://drake.mit.edu"  # the namespace of its elements
 EARTH = (0.0, 0.0, -9.81)  # gravity where URDF is used
 FLOATING = ("slide", "slide", "slide", "ball")
 PLANAR, CROSSED = ("slide", "slide", "turn"), ("turn", "turn")
@@ -105,6 +107,8 @@ def written(mechanism: Mechanism, beside: bool = False) -> UrdfSheet:
         close = write_closing if beside else write_loop
         close(sheet, name, joint)
     write_gears(sheet)
+    if any(sheet.rotors.values()):
+        write_rotors(sheet)
     for name, tool in mechanism.tools.items():
         write_tool(sheet, name, tool.body, poses.of_frame(tool.frame))
     for body in whole_weights(mechanism).values():
@@ -259,6 +263,23 @@ def write_gears(sheet: UrdfSheet) -> None:
         ET.SubElement(joints[own[follower]], "mimic", values)
 
 
+def write_rotors(sheet: UrdfSheet) -> None:
+    """Write the drives of all driven joints with their rotors, as Drake has them; it passes over
+    those of joints whose limit of effort is zero."""
+    sheet.root.set("xmlns:drake", DRAKE)
+    for joint in list(sheet.root.iter("joint")):
+        if (name := joint.attrib["name"]) not in sheet.rotors:
+            continue
+        drive = ET.SubElement(sheet.root, "transmission", name=free_name(sheet, f"{name} drive"))
+        ET.SubElement(drive, "type").text = "transmission_interface/SimpleTransmission"
+        ET.SubElement(drive, "joint", name=name)
+        motor = ET.SubElement(drive, "actuator", name=name)
+        ET.SubElement(motor, "drake:gear_ratio", value="1")
+        ET.SubElement(motor, "drake:rotor_inertia", value=repr(float(sheet.rotors[name])))
+        if (limit := joint.find("limit")) is not None:
+            limit.set("effort", repr(HUGE))
+
+
 def tell_losses(sheet: UrdfSheet) -> None:
     """Note what the file does not hold."""
     say, mechanism = sheet.notes.say, sheet.mechanism
@@ -272,8 +293,6 @@ def tell_losses(sheet: UrdfSheet) -> None:
         say("the reference is left out: give it where the file is read (reference=, --reference)")
     own = [each for joint in mechanism.pairs.values() for each in joint.effects().values()]
     plain = Friction()
-    if any(each.rotor for each in own):
-        say("rotor inertias are left out: URDF has none", alters=True)
     if any(each.stop for each in own):
         say("stops are left out: URDF has limits alone", alters=True)
     if any(each.spring.damping or each.friction.static or each.friction.bristle for each in own):
