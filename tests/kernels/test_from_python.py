@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import pickle
+import re
 import sys
 import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
@@ -107,7 +108,9 @@ OTHERS = (
 )
 
 
-@pytest.mark.parametrize("other", OTHERS, ids=lambda other: repr(other)[:30])
+@pytest.mark.parametrize(
+    "other", OTHERS, ids=lambda other: re.sub(" at 0x.*", "", repr(other)[:30])
+)
 def test_what_is_not_plain_is_left_to_others(call, other):
     held = sys.getrefcount(other)
     for _ in range(100):
