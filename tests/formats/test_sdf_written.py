@@ -12,7 +12,7 @@ from linkwork.formats import load, save
 from linkwork.formats.sdf.writer import to_sdf
 from linkwork.mechanism import Limits, MechanismError, Spring
 
-from tests.formats.test_urdf_written import arm, difference
+from tests.formats.test_urdf_written import arm, difference, turning
 
 
 @pytest.mark.parametrize(
@@ -50,6 +50,15 @@ def test_screws_universal_joints_gears_and_what_acts(tmp_path):
         robot.forward_dynamics(states[0], forces),
         rtol=1e-9,
     )
+
+
+def test_rotors_of_driven_joints_are_read_again(tmp_path):
+    robot = lw.Robot(turning((0.3, 0.2)))
+    save(robot.mechanism, tmp_path / "turning.sdf")
+    other = lw.Robot(load(tmp_path / "turning.sdf").mechanism)
+    assert difference(robot, other) < 1e-12
+    _, notes = to_sdf(robot.mechanism.model_copy(update={"actuators": ("shoulder",)}))
+    assert any("rotor inertias are left out but of driven joints" in note for note in notes)
 
 
 def test_limits_of_speed_come_back(tmp_path):

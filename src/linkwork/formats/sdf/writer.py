@@ -38,6 +38,7 @@ from linkwork.mechanism.effects import Effects
 from linkwork.mechanism.files import write_whole
 
 VERSION = "1.11"
+DRAKE = "https://drake.mit.edu"  # the namespace of its elements
 UNBOUNDED = "1e16"  # what the specification takes for no limit
 WORLD = "world"
 FREE = ("slide", "slide", "slide", "ball")
@@ -228,6 +229,24 @@ def write_joint(sheet: SdfSheet, name: str, joint: PairJoint) -> None:
         for other, turned in zip(motions[place + 1 :], labels[place + 1 :], strict=True):
             axis = poses.turn(other.turn, -sheet.home.coordinates[turned])[:3, :3] @ axis
         write_axis(sheet, element, "axis" if not place else "axis2", label, axis, own, reversed_)
+    write_rotors(sheet, element, labels, effects)
+
+
+def write_rotors(
+    sheet: SdfSheet, joint: ET.Element, labels: tuple[str, ...], effects: list[Effects]
+) -> None:
+    """Write the rotor of a driven joint with one axis, as Drake has it; note others."""
+    if not any(own.rotor for own in effects):
+        return
+    if len(labels) != 1 or labels[0] not in sheet.mechanism.actuators:
+        sheet.notes.say(
+            "rotor inertias are left out but of driven joints with one axis: SDF has none",
+            alters=True,
+        )
+        return
+    sheet.model.set("xmlns:drake", DRAKE)
+    add(joint, "drake:gear_ratio", 1.0)
+    add(joint, "drake:rotor_inertia", effects[0].rotor)
 
 
 def write_axis(
@@ -291,8 +310,6 @@ def tell_losses(sheet: SdfSheet) -> None:
     if any(sheet.home.coordinates[label] for label in mechanism.coordinates):
         say("coordinates count from home, where SDF's joints are at zero")
     own = [each for joint in mechanism.pairs.values() for each in joint.effects().values()]
-    if any(each.rotor for each in own):
-        say("rotor inertias are left out: SDF has none", alters=True)
     if any(each.stop for each in own):
         say("stops are left out: SDF's limits follow another law", alters=True)
     if any(each.spring.damping or each.friction.static or each.friction.bristle for each in own):
