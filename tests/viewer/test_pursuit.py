@@ -75,6 +75,9 @@ def test_robots_of_mixed_freedoms_are_dragged_in_their_task():
     assert legs.task_values(reached.state) == pytest.approx(
         [position[2] + 0.03, 0.1, -0.05], abs=1e-7
     )
+    out = pursuit.assembler.still(reached.state.q)
+    assert goal.unled(out) == "the tool is led in z, rx, ry alone"
+    assert pursuit.tool_goal(out["position"], out["orientation"].reshape(3, 3)).unled(out) == ""
     arm = Robot(scara())
     pursuit, values = Pursuit(arm, fixtures_of(arm).size), arm.task_values(arm.home)
     position, R = tool(pursuit, arm.home)

@@ -5,6 +5,8 @@ import pytest
 
 from linkwork import LinkworkError, Robot, robots
 from linkwork.analysis import dexterity, transmission_indices
+from linkwork.mechanism import Mechanism
+from linkwork.mechanism.transmissions import Combination
 from linkwork.viewer.named_dexterity import MEASURES, require_measure
 from linkwork.viewer.panels import facts
 from linkwork.viewer.session import KINDS, Session
@@ -71,6 +73,27 @@ def test_sliders_take_limits_and_joints_of_robots_without_actuators():
     assert len(passive.sliders) == 2
     name, (low, high) = next(iter(passive.sliders.items()))
     assert low < passive.robot.home[name] < high
+    joints = passive.robot.mechanism.joints
+    pulled = passive.robot.mechanism.model_dump() | {
+        "transmissions": {"tendon": Combination(ratios=dict.fromkeys(joints, 0.1))},
+        "actuators": ("tendon",),
+    }
+    driven = Session(Robot(Mechanism.model_validate(pulled)))
+    assert driven.robot.actuators == ("tendon",) and driven.sliders == passive.sliders
+    driven.slide(name, high / 2)
+    settle(driven)
+    assert driven.state[name] == pytest.approx(high / 2)
+
+
+def test_a_drag_to_where_the_tool_is_not_led_is_said():
+    session = Session(Robot(robots.rrs3()))
+    position, R = session.view().tool
+    session.drag(np.add(position, (0.3 * session.parts.size, 0, 0)), R)
+    settle(session)
+    assert session.notice == "the tool is led in z, rx, ry alone"
+    session.drag(np.add(position, (0, 0, 0.01 * session.parts.size)), R)
+    settle(session)
+    assert session.notice == "" and session.view().tool[0][2] > position[2]
 
 
 def test_a_run_plays_to_its_end_and_is_seen_on_its_way(session, robot):

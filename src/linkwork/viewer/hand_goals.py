@@ -8,7 +8,7 @@ that one metre and one such turn weigh the same.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -18,6 +18,7 @@ from linkwork.mechanism.task import is_length
 from linkwork.model.asked import ToolAsked
 
 Outputs = Mapping[str, np.ndarray]
+ASTRAY = 0.1  # how far a hand leads where nothing follows until that is said, relative to a turn
 
 
 class HandGoal(Protocol):
@@ -37,6 +38,10 @@ class HandGoal(Protocol):
     def towards(self, out: Outputs, part: float) -> HandGoal:
         """Return the goal that lies on the way from a configuration to this one, at a part of it
         from 0 to 1."""
+        ...
+
+    def unled(self, out: Outputs) -> str:
+        """Say that a hand leads to where nothing follows, if it does."""
         ...
 
 
@@ -77,6 +82,14 @@ class ToolGoal:
         position = out["position"] + part * (self.position - out["position"])
         there = position, rotation_matrix(way) @ R
         return ToolGoal(*there, self.length, self.turns, self.planar, self.task)
+
+    def unled(self, out: Outputs) -> str:
+        """Say which coordinates the tool is led in while a hand leads it in others."""
+        if self.task is None:
+            return ""
+        apart, led = replace(self, task=None).rows(out)[0], self.rows(out)[0]
+        far = float(np.linalg.norm(apart)) > ASTRAY * self.length + float(np.linalg.norm(led))
+        return f"the tool is led in {', '.join(self.task.labels)} alone" if far else ""
 
     def _task_rows(self, task: ToolAsked, out: Outputs) -> tuple[np.ndarray, np.ndarray]:
         wanted = {
@@ -122,6 +135,9 @@ class JointGoal:
     def towards(self, out: Outputs, part: float) -> JointGoal:
         values = self.values + (1 - part) * self.off(out)
         return JointGoal(self.coordinates, self.rates, values, self.angular, self.length)
+
+    def unled(self, out: Outputs) -> str:
+        return ""
 
 
 def rotation_vector(R: np.ndarray) -> np.ndarray:

@@ -147,10 +147,13 @@ class Session:
     def sliders(self) -> dict[str, tuple[float, float]]:
         """Return the joint coordinates that are set by hand, with their ranges [m, rad].
 
-        These are the actuated ones, or where none are, the independent ones; a range is that of the
-        limits, or half a turn, or half the mechanism's size, to both sides.
+        These are the actuated ones, or where none are, or a drive pulls at several joints, the
+        independent ones; a range is that of the limits, or half a turn, or half the mechanism's
+        size, to both sides.
         """
-        names = self.robot.actuators or self.robot.independent
+        driven = self.robot.actuators
+        of_joints = bool(driven) and set(driven) <= set(self.robot.coordinates)
+        names = driven if of_joints else self.robot.independent
         found = {}
         for name in names:
             if name not in self.robot.coordinates or name not in self.robot.rates:
@@ -286,7 +289,8 @@ class Session:
             self.led.add(tool_points(self.robot, self.state))
             reached = self.pursuit.step(self.state, self.goal)
             self.passed, self.state = reached.passed or self.passed, reached.state
-            self.notice = "; ".join(filter(None, (reached.obstacle, self.passed)))
+            still = self.goal.unled(self.pursuit.assembler.still(self.state.q))
+            self.notice = "; ".join(filter(None, (reached.obstacle, self.passed, still)))
             if reached.arrived or reached.obstacle:
                 self.goal = None
             return True
