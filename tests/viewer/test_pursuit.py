@@ -6,7 +6,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from linkwork import Robot, robots
-from linkwork.mechanism import Body, Frame, Inertia, Limits, Mechanism, SphericalJoint, Tool
+from linkwork.mechanism import (
+    Body,
+    FixedJoint,
+    Frame,
+    Inertia,
+    Limits,
+    Mechanism,
+    RevoluteJoint,
+    SphericalJoint,
+    Tool,
+)
 from linkwork.scene.fixtures import fixtures_of
 from linkwork.viewer.bounds import bounds_of
 from linkwork.viewer.pursuit import Pursuit, listed
@@ -62,6 +72,24 @@ def test_the_way_to_a_pose_is_the_same_in_micrometres_and_in_megametres(pursuits
             expected.state.positions, abs=1e-6
         )
         assert robot.closure_error(found.state) < 1e-9
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_a_tool_that_nothing_moves_stands_still_when_it_is_dragged(count):
+    """It is on a fixed body, beside joints that turn."""
+    joints = {f"pin_{k}": RevoluteJoint(connects=("ground", f"arm_{k}")) for k in range(count)}
+    bodies = {f"arm_{k}": Body(mass=1.0, inertia=Inertia(zz=0.1)) for k in range(count)}
+    seat = FixedJoint(connects=("ground", "plate"))
+    mechanism = Mechanism(
+        bodies={**bodies, "plate": Body(mass=1.0)},
+        joints={**joints, "seat": seat},
+        tools={"tip": Tool(body="plate")},
+    )
+    session = Session(Robot(mechanism))
+    place, R = session.view().tool
+    session.drag(np.add(place, (0.1, 0, 0)), R)
+    session.advance(0.03)
+    assert "the tool stands still" in session.notice and session.goal is None
 
 
 def test_robots_of_mixed_freedoms_are_dragged_in_their_task():

@@ -262,11 +262,11 @@ class Pursuit:
         self, closing: np.ndarray, N: np.ndarray, e: np.ndarray, J: np.ndarray, damping: float
     ) -> np.ndarray:
         """Return the step s (nv) as lengths: the one that closes, and of those that keep closed (N)
-        the best."""
+        the best; none of them where none moves what is led."""
         JN = J @ N
         mu = damping * float(np.linalg.norm(JN))
         left = JN.T @ JN + mu**2 * np.eye(JN.shape[1])
-        s = closing - N @ np.linalg.solve(left, JN.T @ (e + J @ closing))
+        s = closing - N @ np.linalg.solve(left, JN.T @ (e + J @ closing)) if mu > 0 else closing
         return s * min(1.0, LARGEST * self.size / max(np.abs(s).max(initial=0.0), 1e-300))
 
     def closed(
@@ -336,6 +336,8 @@ class Pursuit:
             )
         _, J = goal.rows(out)
         _, N = inverse(self.jacobian(out, Held()))
+        if N.size and not ((J * self.scale) @ N).any():
+            return "the tool stands still: no motion of the mechanism moves it"
         if N.shape[1] < len(J):
             return (
                 f"the tool comes no nearer: the mechanism has {N.shape[1]} of the {len(J)} "
