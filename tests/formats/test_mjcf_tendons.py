@@ -240,3 +240,17 @@ def test_inertia_that_couples_branches_is_whole_and_mujocos_without_the_coupling
     found = dict(zip(robot.independent, robot.forward_dynamics(state, []), strict=True))
     assert [found[name] for name in names] == pytest.approx(whole, rel=1e-10)
     assert (np.abs(accelerations - whole).max() > 1e-3 * np.abs(whole).max()) == told
+
+
+def test_an_inertia_along_a_cable_over_a_cylinder_is_left_out_where_mujoco_refuses_it(tmp_path):
+    start = {"type": "point", "body": "ground", "point": (0.2, 0.1, 0.3)}
+    end = {"type": "point", "body": "rod", "point": (0.1, 0.0, 0.4)}
+    over = {"type": "cylinder", "body": "ground", "radius": 0.05}
+    mechanism = lw.Mechanism(
+        bodies={"rod": lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))},
+        joints={"pivot": lw.RevoluteJoint(connects=("ground", "rod"))},
+        transmissions={"cable": Cable(path=(start, over, end), inertia=0.4)},  # pyright: ignore
+    )
+    notes = save(mechanism, tmp_path / "cable.xml")
+    assert any("its inertia is left out" in note for note in notes)
+    assert mj.MjModel.from_xml_path(str(tmp_path / "cable.xml")).ntendon == 1

@@ -67,7 +67,7 @@ def write_cables(sheet: Sheet) -> None:
                     sheet.site(f"{label}.side", side.body, X)
                     led.set("sidesite", f"{label}.side")
         write_along(sheet, tendon, line, 0.0)
-        tell_off_tree(sheet, name, line)
+        tell_inertia(sheet, name, line, tendon)
 
 
 def write_along(sheet: Sheet, tendon: ET.Element, line: LoadedLength, offset: float) -> None:
@@ -80,6 +80,20 @@ def write_along(sheet: Sheet, tendon: ET.Element, line: LoadedLength, offset: fl
     if spring.stiffness:
         rest = spring.rest - offset
         tendon.set("springlength", numbers((rest, rest + spring.slack)))
+
+
+def tell_inertia(sheet: Sheet, name: str, line: Cable, tendon: ET.Element) -> None:
+    """Leave out the inertia along a cable where MuJoCo refuses it, and note it; note others that
+    MuJoCo takes otherwise."""
+    if not line.inertia or tendon.find("geom") is None:
+        tell_off_tree(sheet, name, line)
+        return
+    del tendon.attrib["armature"]
+    sheet.notes.say(
+        f"transmissions.{name}: its inertia is left out: MuJoCo has none along cables that are led "
+        "over spheres or cylinders",
+        alters=True,
+    )
 
 
 def tell_off_tree(sheet: Sheet, name: str, line: Combination | Cable) -> None:
