@@ -165,6 +165,11 @@ def test_a_run_plays_to_its_end(chromium, viewer):
     until(lambda: "t = 0.505 s" in browser.text())
     browser.page.get_by_role("tab", name="Run").click()
     browser.page.wait_for_selector(".uplot")
+    browser.page.get_by_role("tab", name="Show").click()
+    for kind, begins in (("Picture", b"\x89PNG"), ("Scene", b"glTF")):
+        with browser.page.expect_download() as download:
+            browser.page.get_by_role("button", name=kind, exact=True).click()
+        assert download.value.path().read_bytes().startswith(begins)
     assert browser.wrong == []
     browser.page.close()
 

@@ -20,6 +20,7 @@ from linkwork.viewer.conditioning import colour
 from linkwork.viewer.marks import FRAMES, NAMES
 from linkwork.viewer.named_dexterity import CONDITIONING, MEASURES
 from linkwork.viewer.player import SPEEDS
+from linkwork.viewer.saving import FILES
 from linkwork.viewer.session import KINDS, Session, View
 from linkwork.viewer.simulating import CONTROLLERS
 from linkwork.viewer.traces import Traces, quantities, traces
@@ -50,6 +51,7 @@ class Desk(Protocol):
     def go_on(self, controller: str, forces: dict[str, float], body: str) -> None: ...
     def measure(self, name: str) -> None: ...
     def look(self, client: viser.ClientHandle, name: str) -> None: ...
+    def save(self, client: viser.ClientHandle, kind: str) -> None: ...
 
 
 class Panels:
@@ -293,6 +295,13 @@ class Panels:
         self._add_measures()
         if tools:
             self._add_reach()
+        files = self.gui.add_button_group(
+            "Save",
+            FILES,
+            hint="What is seen as a picture, the run as a film, and the run or the pose as a "
+            "scene (glTF) for other programs",
+        )
+        files.on_click(lambda event: self._save(event.client, str(files.value)))
 
     def _add_measures(self) -> None:
         """Add the choice of what is told of the pose, and whether it colours the tool's body."""
@@ -323,6 +332,10 @@ class Panels:
     def _look(self, client: viser.ClientHandle | None, name: str) -> None:
         if client is not None:
             self.desk.look(client, name)
+
+    def _save(self, client: viser.ClientHandle | None, kind: str) -> None:
+        if client is not None:
+            self.desk.save(client, kind)
 
     def _choose(self) -> None:
         self.session.shown = frozenset(kind for kind, box in self.kinds.items() if box.value)

@@ -257,6 +257,23 @@ class Viewer:
 
         self.post(turn)
 
+    def save(self, client: ClientHandle, kind: str) -> None:
+        """Hand one browser a file of what is shown, one of `saving.FILES`."""
+        self.post(lambda: self._work(f"saving the {kind.lower()}", self._saved(client, kind)))
+
+    def _saved(self, client: ClientHandle, kind: str) -> Callable[[], Callable[[], None]]:
+        from linkwork.viewer.saving import file_of
+
+        session = self.session
+        run, over = (each and each.run for each in (session.replay, session.over))
+        shown = kind, client, session.robot, session.state, run, over
+
+        def carry_out() -> Callable[[], None]:
+            name, content = file_of(*shown)
+            return lambda: client.send_file_download(name, content, save_immediately=True)
+
+        return carry_out
+
     def simulate(self, controller: str, forces: dict[str, float], duration: float) -> None:
         """Simulate from the present pose and play the run."""
         self.post(lambda: self._work("simulating", self._run_of(controller, forces, duration)))
