@@ -149,7 +149,9 @@ def test_ranges_whose_ends_are_not_in_order_are_none(tmp_path):
     text = text.replace('range="-2 2"', 'range="0 0"').replace('stiffness="11"', 'range="2 1"')
     path.write_text(text)
     mechanism = load(path).mechanism
-    assert not mechanism.caveats and not mechanism.joints["j1"].limits.bounded
+    assert not mechanism.joints["j1"].limits.bounded
+    told = [caveat for caveat in mechanism.caveats if "says forcerange '1 -1': no limit" in caveat]
+    assert len(told) == len(mechanism.caveats) == 2  # of the motor and of the position
     assert mechanism.drives["j3"]["type"] == "lagging_servo"
     assert compared(path, tmp_path) < 1e-12
 
