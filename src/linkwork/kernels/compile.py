@@ -7,6 +7,7 @@ from functools import cache
 
 import llvmlite.binding as llvm
 
+from linkwork.kernels import cache as kept
 from linkwork.kernels.emit import LIBRARY
 from linkwork.kernels.machine import Machine
 
@@ -43,6 +44,17 @@ class Code:
             library.import_symbol(name, address)
         self._library = library.link(self._engine, "kernel")
         self.addresses: dict[str, int] = {name: self._library[name] for name in functions}
+
+
+def shared_code(text: str, machine: Machine, functions: tuple[str, ...], **beside: int) -> Code:
+    """Return the code of an LLVM module that serves all kernels, compiled or taken from the cache;
+    functions, beside: as `Code` takes them."""
+    entry = kept.key(text, machine.identity)
+    content = kept.read(entry)
+    if content is None:
+        content = object_code(text, machine)
+        kept.write(entry, content)
+    return Code(content, functions, **beside)
 
 
 def _module(text: str) -> llvm.ModuleRef:

@@ -31,8 +31,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from linkwork.kernels import cache as kept
-from linkwork.kernels.compile import Code, object_code
+from linkwork.kernels.compile import Code, shared_code
 from linkwork.kernels.machine import this_machine
 
 if TYPE_CHECKING:
@@ -162,18 +161,12 @@ def _interface() -> _Interface | None:
     new = _numpy_new()
     if new is None or not _reads(np.zeros((2, 3))[:, 1:]) or not _reads(np.zeros(4)):
         return None
-    machine = this_machine()
-    entry = kept.key(TEXT, machine.identity)
-    content = kept.read(entry)
-    if content is None:
-        content = object_code(TEXT, machine)
-        kept.write(entry, content)
     objects = {"ndarray": np.ndarray, "none": None}
     objects |= {kind.__name__: kind for kind in (list, tuple, float, int)}
     addresses = {name: id(value) for name, value in objects.items()} | {"PyArray_New": new}
     for name in PYTHON:
         addresses[name] = ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value or 0
-    code = Code(content, ("direct",), **addresses)
+    code = shared_code(TEXT, this_machine(), ("direct",), **addresses)
     method = _Method(b"direct", code.addresses["direct"], FASTCALL, None)
     maker = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p)
     return _Interface(code, method, maker(("PyCFunction_NewEx", ctypes.pythonapi)))

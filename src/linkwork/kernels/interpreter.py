@@ -19,7 +19,7 @@ import numpy as np
 from linkwork.kernels import angles, cache, elementary
 from linkwork.kernels.body import LIBRARY, SectionBody
 from linkwork.kernels.bound import BoundFunction
-from linkwork.kernels.compile import Code, object_code
+from linkwork.kernels.compile import Code, shared_code
 from linkwork.kernels.fused import fused
 from linkwork.kernels.lines import Lines, function_text
 from linkwork.kernels.machine import Machine, this_machine
@@ -80,13 +80,7 @@ def found_or_told(
 @lru_cache
 def interpreter(machine: Machine) -> Code:
     """Return the interpreter for a machine, compiled or taken from the cache."""
-    text = interpreter_text(machine)
-    entry = cache.key(text, machine.identity)
-    content = cache.read(entry)
-    if content is None:
-        content = object_code(text, machine)
-        cache.write(entry, content)
-    return Code(content, (NAME,))
+    return shared_code(interpreter_text(machine), machine, (NAME,))
 
 
 def interpreter_text(machine: Machine) -> str:
