@@ -199,7 +199,7 @@ def test_bad_input_is_refused():
     bennett = built("bennett")
     with pytest.raises(lw.LinkworkError, match="more constraints than it needs"):
         error_budget(bennett, bennett.home, {"hinge_2.frames.0.position.x": 1e-5})
-    with pytest.raises(lw.LinkworkError, match="1 actuators and 2 freedoms"):
+    with pytest.raises(lw.LinkworkError, match="1 actuator and the mobility 2"):
         driven_once = lw.Robot(robot.mechanism.model_copy(update={"actuators": ("motor_1",)}))
         error_budget(driven_once, driven_once.home, resolution=1e-5)
 

@@ -2,13 +2,15 @@
 library's, and refusals in one sentence."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 
 import linkwork as lw
 from linkwork.cli.led import CONTROLLERS, GOALS
-from linkwork.cli.words import fields
+from linkwork.cli.measured_words import MeasuredWords
+from linkwork.cli.words import fields, values
 from linkwork.motions.tables import read_columns
 
 from tests.catalogue import built
@@ -114,7 +116,8 @@ def test_the_equations_are_told_at_one_state():
 
 
 def test_words_are_the_fields_of_records():
-    assert fields(["a=1", "b=1,2", "c=1,2;3,4", "d.x=5", "d.y.z=6", "e=word"], "--goal") == {
+    texts = fields(["a=1", "b=1,2", "c=1,2;3,4", "d.x=5", "d.y.z=6", "e=word"], "--goal")
+    assert values(texts, "--goal") == {
         "a": 1.0, "b": [1.0, 2.0], "c": [[1.0, 2.0], [3.0, 4.0]], "d": {"x": 5.0, "y.z": 6.0},
         "e": "word",
     }  # fmt: skip
@@ -143,6 +146,45 @@ def test_robots_of_mixed_freedoms_are_led_in_task_coordinates(tmp_path):
     assert judged["kinds"] == [] and judged["leg"] > 0.01
     for refusal in ((*path[:-1], "x=0.4,w=1"), (*path, "--what", "x,y,z,qq")):
         assert "there is no coordinate of the tool" in refused(*refusal)
+
+
+def read(robot, text, what=None):
+    """Return the fields of a goal in words, whose lengths and angles may have units."""
+    return MeasuredWords(built(robot), what)(fields(text.split(), "--goal"), "--goal")
+
+
+def test_lengths_and_angles_of_goals_may_have_units():
+    assert read("prr3", "centre=50cm,290mm radius=4cm orientation=90deg turns=2") == {
+        "centre": [0.5, 0.29], "radius": 0.04, "orientation": np.pi / 2, "turns": 2.0,
+    }  # fmt: skip
+    assert read("prr3", "tool=0.5,29cm,180deg joints.slide_1=30mm joints.pivot_1=1turn") == {
+        "tool": [0.5, 0.29, np.pi], "joints": {"slide_1": 0.03, "pivot_1": 2 * np.pi},
+    }  # fmt: skip
+    poses = read("stewart", "poses=0,0,1m,0,90deg,0;1cm,0,1,0,0,0.5turn")["poses"]
+    assert poses == [[0, 0, 1, 0, np.pi / 2, 0], [0.01, 0, 1, 0, 0, np.pi]]
+    turned = read("stewart", "centre=0,0,1 orientation=0,0,30deg")
+    assert turned["orientation"] == [0, 0, np.pi / 6]
+    assert read("prr3", "start=30deg,1cm", ("angle", "x")) == {"start": [np.pi / 6, 0.01]}
+    for robot, text, sentence in (
+        (
+            "prr3",
+            "tool=0.5,29deg,1",
+            "--goal: tool: '29deg': the unit is not known; it is no angle",
+        ),
+        ("prr3", "centre=0,0 orientation=1cm", "--goal: orientation: '1cm': the unit is not known"),
+        ("prr3", "centre=0,", "--goal: centre: '' is not a number"),
+        ("prr3", "joints.slide_1=3deg", "--goal: joints.slide_1: '3deg': the unit is not known"),
+        ("prr3", "joints.slid_1=3cm", "there is no 'slid_1' (did you mean slide_1?)"),
+        ("puma560", "start=1,2,3,4", "a tool pose of 4 numbers is not understood"),
+    ):
+        with pytest.raises(lw.LinkworkError, match=re.escape(sentence)):
+            read(robot, text)
+
+
+def test_what_linearise_says_of_modes_that_nothing_pulls_back_fits_the_terminal():
+    shown = call("analyse", "prr3", "linearise").stdout
+    assert "Nothing pulls back 3 modes of 0 Hz" in shown
+    assert max(map(len, shown.splitlines())) <= 80
 
 
 RUN = ("simulate", "prr3", "--duration", 0.1)

@@ -97,7 +97,7 @@ def test_actuator_singular_poses_as_events():
 def test_robots_without_singular_poses_of_their_actuators_are_refused():
     robot = lw.Robot(lw.robots.double_pendulum().model_copy(update={"actuators": ("hinge_1",)}))
     with pytest.raises(
-        lw.LinkworkError, match="1 actuators and 2 freedoms have no actuator-singular poses"
+        lw.LinkworkError, match="1 actuator and a mobility of 2 have no actuator-singular poses"
     ):
         robot.simulate(robot.home, duration=1.0, events="singular")
 

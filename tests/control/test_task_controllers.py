@@ -217,7 +217,7 @@ def test_what_cannot_be_led_is_refused():
         (arm, (arm.home, 1.0, 1.0, arm), "the goal is singular: there the actuators do not lead"),
         (few, (few.home, 1.0, 1.0, few), "the task x, z has 2 coordinates and the model 4 free"),
         (many, (many.home, 1.0, 1.0, many), "5 coordinates and the model 4 .* state fewer"),
-        (loose, (loose.home, 1.0, 1.0, loose), "2 actuators do not lead 4 freedoms in x, y, z"),
+        (loose, (loose.home, 1.0, 1.0, loose), "2 actuators cannot lead 4 freedoms in x, y, z"),
     ]
     for robot, given, sentence in cases:
         for law in (TaskComputedTorque, TaskPDWithGravity):

@@ -59,5 +59,7 @@ def test_what_is_not_told_is_refused():
         _ = robot.observe(robot.home).task
     idle = stated(scara(), ("x", "y", "z", "rz")).model_copy(update={"actuators": ("lift",)})
     robot = lw.Robot(idle)
-    with pytest.raises(lw.LinkworkError, match="1 actuators and 4 freedoms: the actuated rates"):
+    with pytest.raises(
+        lw.LinkworkError, match="1 actuator and a mobility of 4: the actuated rates"
+    ):
         _ = robot.observe(robot.home).task_jacobian

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.analysis.newton import Solver, random_configurations, solver
 from linkwork.analysis.square import Square, of_joints, of_tool
+from linkwork.checks import amount
 from linkwork.equations import body_motion, functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
@@ -176,8 +177,9 @@ def actuated(robot: Robot) -> tuple[str, ...]:
     """Return the actuated coordinates, of which there have to be as many as the mobility."""
     if len(robot.actuators) != robot.mobility - len(robot.spins):
         raise LinkworkError(
-            f"the robot has {len(robot.actuators)} actuators and the mobility {robot.mobility}; "
-            f"say which {robot.mobility - len(robot.spins)} joint coordinates are given"
+            f"the robot has {amount(len(robot.actuators), 'actuator')} and the mobility "
+            f"{robot.mobility}; say which {robot.mobility - len(robot.spins)} of its joint "
+            "coordinates are given"
         )
     return robot.actuators
 

@@ -27,6 +27,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.analysis.square import Square, of_joints, of_tool
+from linkwork.checks import amount
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
@@ -164,8 +165,8 @@ def of_actuators(robot: Robot) -> Square:
     freedoms."""
     if len(robot.actuators) != robot.mobility - len(robot.spins):
         raise LinkworkError(
-            f"the robot has {len(robot.actuators)} actuators and the mobility {robot.mobility}; "
-            "input-output Jacobians need as many actuators as freedoms"
+            f"the robot has {amount(len(robot.actuators), 'actuator')} and the mobility "
+            f"{robot.mobility}; input-output Jacobians need as many actuators as freedoms"
         )
     return of_joints(robot, robot.actuators)
 

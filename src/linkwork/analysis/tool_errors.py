@@ -158,6 +158,6 @@ def require_held(robot: Robot) -> None:
         )
     if len(robot.actuators) != freedoms:
         raise LinkworkError(
-            f"the robot has {len(robot.actuators)} actuators and {freedoms} freedoms; the tool's "
-            "error needs as many, which hold it"
+            f"the robot has {amount(len(robot.actuators), 'actuator')} and the mobility "
+            f"{freedoms}; the tool's error needs as many, which hold it"
         )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from linkwork import motions
+from linkwork.cli.measured_words import MeasuredWords
 from linkwork.cli.words import record_of
 from linkwork.control.goals import target
 from linkwork.errors import LinkworkError
@@ -45,7 +46,9 @@ class Lead:
         """Return the goal, a state or a motion; start: where the robot is."""
         if self.goal is not None and tabled(self.goal):
             return along(robot, self.goal, "--goal", duration, samples, start)
-        goal = Pose() if self.goal is None else record_of(self.goal, "--goal", GOALS)
+        if self.goal is None:
+            return Pose().reached(robot, start, duration, samples)
+        goal = record_of(self.goal, "--goal", GOALS, MeasuredWords(robot))
         return goal.reached(robot, start, duration, samples)
 
     def law(self, robot: Robot, goal: State | Motion) -> Any:
@@ -86,7 +89,7 @@ def along(
             guess = robot.state({name: columns[name][0] for name in robot.coordinates})
         timed = motions.read_csv(text, names)
         return motions.follow(robot, timed, samples=samples, guess=guess, what=what)
-    path = record_of(text, option, PATHS).path
+    path = record_of(text, option, PATHS, MeasuredWords(robot, what)).path
     if duration is None:
         raise LinkworkError(f"{option} says no times; give --duration, too")
     return robot.follow(path, duration, samples=samples, guess=guess, what=what)

@@ -116,7 +116,7 @@ def simulate(
         typer.Option(
             metavar="WORDS",
             help=(
-                "Where it leads: 'pose tool=0.5,0.3,1.2', a path as for 'follow', or its table "
+                "Where it leads: 'pose tool=0.5,0.3,70deg', a path as for 'follow', or its table "
                 "(.csv); left out, where the run starts."
             ),
         ),
@@ -190,7 +190,8 @@ def follow(
             metavar="PATH",
             help=(
                 "'circle centre=0.45,0.29 radius=0.05 orientation=1.2', 'line start=... end=...', "
-                "'through poses=...;...' (m and rad), or a table of a motion (.csv)."
+                "'through poses=...;...' (m and rad, or with units as in 'radius=5cm'), or a table "
+                "of a motion (.csv)."
             ),
         ),
     ],

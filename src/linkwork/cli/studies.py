@@ -321,7 +321,6 @@ def linearise(
             out.print(
                 f"\nNothing pulls back {amount(int(free), 'mode')} of 0 Hz: their shapes are some "
                 "of many, and so are those of other equal frequencies.",
-                soft_wrap=True,
             )
 
 

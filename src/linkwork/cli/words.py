@@ -5,12 +5,13 @@
     through poses=0.4,0.3,1.2;0.5,0.3,1.2;0.5,0.35,1.2;0.4,0.35,1.2
 
 The first word is the type, others are fields: numbers, "," between those of a list and ";" between
-lists; field.name gives a value by name.
+lists; field.name gives a value by name. Lengths and angles of goals may have units
+(`cli/measured_words.py`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from linkwork.checks import suggestion
@@ -18,12 +19,21 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism.record import MechanismError, Record
 
 Kind = TypeVar("Kind", bound=Record)
+Fields = dict[str, Any]  # texts by name, and by the part of a name
+Reader = Callable[[Fields, str], dict[str, Any]]
 
 
-def record_of(text: str, option: str, kinds: Mapping[str, type[Kind]], **given: Any) -> Kind:
+def record_of(
+    text: str,
+    option: str,
+    kinds: Mapping[str, type[Kind]],
+    read: Reader | None = None,
+    **given: Any,
+) -> Kind:
     """Return the record that a text tells.
 
-    kinds: records by the word for their type; given: fields beside those of the text
+    kinds: records by the word for their type; read: what makes values of the fields' texts, plain
+    ones if left out; given: fields beside those of the text
 
     Raises:
         LinkworkError: no such type, a field that the type has not or that lacks, another kind of
@@ -36,13 +46,13 @@ def record_of(text: str, option: str, kinds: Mapping[str, type[Kind]], **given: 
             f"{', '.join(kinds)}, then name=value for each of its numbers"
         )
     try:
-        return kinds[word](**fields(pairs, option), **given)
+        return kinds[word](**(read or values)(fields(pairs, option), option), **given)
     except MechanismError as error:
         raise LinkworkError(f"{option}: {word}: {error}") from None
 
 
-def fields(pairs: list[str], option: str) -> dict[str, Any]:
-    """Return the fields of "name=value" and "name.part=value"."""
+def fields(pairs: list[str], option: str) -> Fields:
+    """Return the texts of the fields of "name=value" and "name.part=value"."""
     found: dict[str, Any] = {}
     for pair in pairs:
         path, equals, text = pair.partition("=")
@@ -52,8 +62,16 @@ def fields(pairs: list[str], option: str) -> dict[str, Any]:
         within = found.setdefault(name, {}) if part else found
         if not isinstance(within, dict) or (part or name) in within:
             raise LinkworkError(f"{option}: {name!r} is given twice; keep one of them")
-        within[part or name] = value(text)
+        within[part or name] = text
     return found
+
+
+def values(fields: Fields, option: str) -> dict[str, Any]:
+    """Return the values of texts by name, as they are."""
+    return {
+        name: values(text, option) if isinstance(text, dict) else value(text)
+        for name, text in fields.items()
+    }
 
 
 def value(text: str) -> Any:

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork import math
-from linkwork.checks import known
+from linkwork.checks import amount, known
 from linkwork.equations import Equations, bearings, body_motion
 from linkwork.equations.algebra import SX, matrix_quaternion
 from linkwork.equations.effects import rotation_vector
@@ -293,8 +293,8 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
         case "actuation_determinant":
             if len(mechanism.actuators) != equations.mobility:
                 raise LinkworkError(
-                    f"{len(mechanism.actuators)} actuators and {equations.mobility} freedoms "
-                    "have no actuator-singular poses"
+                    f"{amount(len(mechanism.actuators), 'actuator')} and a mobility of "
+                    f"{equations.mobility} have no actuator-singular poses"
                 )
             return ca.det(equations.actuation)
     # The tool's task, its pose or velocity.
@@ -325,8 +325,8 @@ def task_expression(equations: Equations, tool: Tool, kind: str) -> ca.SX:
     S = equations.actuation
     if S.shape[0] != S.shape[1]:
         raise LinkworkError(
-            f"{S.shape[0]} actuators and {S.shape[1]} freedoms: the actuated rates do not "
-            "determine the tool's; read task_rates"
+            f"{amount(S.shape[0], 'actuator')} and a mobility of {S.shape[1]}: the actuated rates "
+            "do not determine the tool's; read task_rates"
         )
     L, *_ = equations.elimination
     return ca.vec(ca.densify(ca.solve(S.T, ca.mtimes(rows, L).T).T))

@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork import math
+from linkwork.checks import amount
 from linkwork.control.controllers import Controller, Form, Gain, gain
 from linkwork.control.inverse_dynamics import InverseDynamics, measured, numeric
 from linkwork.control.observation import Observation
@@ -97,7 +98,8 @@ class TaskFollower(Controller):
             )
         if actuators < freedoms:
             raise LinkworkError(
-                f"{actuators} actuators do not lead {freedoms} freedoms in {names}; lead the joints"
+                f"{amount(actuators, 'actuator')} cannot lead {freedoms} freedoms in {names}; lead "
+                "the joints"
             )
         return found
 

@@ -28,6 +28,7 @@ from linkwork import checks
 from linkwork.analysis import dexterity
 from linkwork.analysis._jacobians import jacobians
 from linkwork.analysis.linearisation import stiffness_matrix
+from linkwork.checks import amount
 from linkwork.design.judged_poses import JudgedPoses, PoseEquations
 from linkwork.equations.linear import derivatives
 from linkwork.errors import LinkworkError
@@ -265,6 +266,6 @@ def require_measurable(robot: Robot) -> None:
     require_leading(robot, robot.equations)
     if len(robot.actuators) != robot.mobility:
         raise LinkworkError(
-            f"the robot has {len(robot.actuators)} actuators and the mobility {robot.mobility}; a "
-            "design is chosen for as many actuators as freedoms"
+            f"the robot has {amount(len(robot.actuators), 'actuator')} and the mobility "
+            f"{robot.mobility}; a design is chosen for as many actuators as freedoms"
         )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.checks import amount
 from linkwork.errors import LinkworkError
 from linkwork.gradients.compilation import (
     DIFFERENTIABLE,
@@ -234,8 +235,9 @@ def of_actuators(
     n, count = len(state.independent), len(robot.actuators)
     if count < n:
         raise LinkworkError(
-            f"the {count} actuators do not drive all {n} freedoms, so that motions nearby need "
-            "forces that they cannot give; ask for of='rates', the forces on the independent rates"
+            f"{amount(count, 'actuator')} cannot drive all {n} freedoms, so that motions nearby "
+            "need forces that are not given; ask for of='rates', the forces on the independent "
+            "rates"
         )
     u = evaluation.actuator_forces(robot, state, v_dot, weights)
     W = 1.0 if weights is None else evaluation.actuator_weights(robot, weights)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
+from linkwork.checks import amount
 from linkwork.errors import LinkworkError
 from linkwork.lab.textbook.closure import (
     independent_rows,
@@ -106,8 +107,8 @@ class Textbook:
         rank = int(np.linalg.matrix_rank(Phi, rtol=1e-9)) if Phi.size else 0
         if rank != self.m - self.n or rows is None:
             raise LinkworkError(
-                f"{self.mechanism.name} has {self.m - rank} freedoms at its reference but "
-                f"{self.n} actuators; name as many independent joints as it has freedoms"
+                f"{self.mechanism.name} has the mobility {self.m - rank} at its reference but "
+                f"{amount(self.n, 'actuator')}; name as many independent joints as it has freedoms"
             )
         return rows
 
