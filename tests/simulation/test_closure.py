@@ -16,8 +16,9 @@ DURATION = 5.0
 T = np.linspace(0, DURATION, 301)
 
 
-def swing(closure=bead_closure.address, q=START, **options):
-    return integrate(bead.address, closure, q, [0.0], [], **{"duration": DURATION} | options)
+def swing(closure=bead_closure, q=START, **options):
+    lock = closure.address if closure else None
+    return integrate(bead.address, lock, q, [0.0], [], **{"duration": DURATION} | options)
 
 
 def test_motion_is_the_pendulum_s():

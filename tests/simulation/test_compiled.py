@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numba import cfunc, types
+from numba import types
 from numba.core.registry import cpu_target
-from simulation_problems import KERNEL, pendulum, van_der_pol, van_der_pol_jacobian
+from simulation_problems import SmallKernel, pendulum, van_der_pol, van_der_pol_jacobian
 
 from linkwork import simulation
 from linkwork.simulation import (
@@ -215,7 +215,7 @@ def times(x):
 """
 
 
-@cfunc(KERNEL)
+@SmallKernel
 def position(x, out):
     """The event of passing q = 0."""
     out[0] = x[0]
