@@ -197,6 +197,8 @@ def test_bricard_keeps_its_energy_and_the_row_that_was_dropped():
     assert run.status is lw.Status.FINISHED
     assert np.ptp(energy(run)) < 1e-8 * np.abs(energy(run)).max()
     assert run.closure_error < 1e-12
+    short = [robot.simulate(robot.home, duration=1.0, samples=n, **TIGHT) for n in (None, 2)]
+    assert np.array_equal(*(each.final.q for each in short))  # what is saved changes no run
     for index in (7, 20):
         rates = dict(zip(robot.rates, run["joint_rate"].values[index], strict=True))
         state = robot.state(positions(run)[index], {"hinge_2": rates["hinge_2"]})
@@ -219,8 +221,8 @@ def test_a_structure_that_can_only_tremble_is_stopped_by_the_row_that_was_droppe
     run = robot.simulate(robot.home.with_rates([0.1]), duration=1.0)
     assert run.status is lw.Status.CLOSURE_LOST
     assert "the loops do not close any more" in run.message
-    assert run.dataset["time"].values[-1] < 3e-3
-    assert 1e-13 < run["closure_error"].max() < 1e-7  # what opened before that was seen is told
+    assert run.dataset["time"].values[-1] < 1e-3
+    assert run["closure_error"].max() <= 1e-13
 
 
 # Bifurcations

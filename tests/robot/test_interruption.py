@@ -57,6 +57,31 @@ def test_an_interrupted_run_keeps_what_was_computed_and_can_be_resumed(
     assert np.allclose(again.final.q, run.final.q, rtol=0, atol=1e-12)
 
 
+def test_portions_resumed_runs_and_members_find_a_run_stiff_at_the_same_step(monkeypatch):
+    """A rod that a stiff damper leads to rest carries another that swings: by then the damper alone
+    bounds the steps, and after a thousand of them the stiff method takes over."""
+    rod = lw.Body(mass=1.0, inertia=lw.Inertia(zz=1.0))
+    damper, spring = lw.Spring(stiffness=1.0, damping=2000.0), lw.Spring(stiffness=20.0)
+    joints = {
+        "led": lw.RevoluteJoint(connects=("ground", "a"), spring=damper),
+        "free": lw.RevoluteJoint(connects=("a", "b"), spring=spring),
+    }
+    robot = lw.Robot(lw.Mechanism(bodies={"a": rod, "b": rod}, joints=joints))
+    start, how = robot.home.with_rates([0.0, 1.0]), {"rtol": 1e-6, "samples": 3}
+    whole = robot.simulate(start, duration=4.0, **how)
+    monkeypatch.setattr(passage, "portion", lambda nq: 100)
+    parts = robot.simulate(start, duration=4.0, **how)
+    assert "Rodas5P" in whole.attrs["method"] and parts.attrs["method"] == whole.attrs["method"]
+    assert np.array_equal(parts.final.rates, whole.final.rates)
+
+    left = robot.simulate(start, duration=4.0, max_steps=500, **how)
+    assert left.status is lw.Status.TOO_MANY_STEPS
+    rest = robot.resume(left, duration=4.0 - left.attrs["final_time"], **how)
+    assert np.array_equal(rest.final.rates, whole.final.rates)
+    both = robot.ensemble(robot.state(np.zeros((2, 2)), [start.rates] * 2), duration=4.0, **how)
+    assert (both.final.rates == whole.final.rates).all()
+
+
 @pytest.mark.parametrize(
     "how",
     [

@@ -223,12 +223,9 @@ class Passage:
             return here._replace(pace=done.pace)
         # A short segment under a lowered bound is over; or a stiff one, which goes on by RODAS.
         if done.status is Status.FINISHED:
-            recovered = chart.pivot(q) > RECOVERED * SOFT
-            return (
-                here._replace(bound=SOFT, short=self.shortest)
-                if recovered
-                else here._replace(short=2 * stand.short)
-            )
+            if chart.pivot(q) > RECOVERED * SOFT:
+                return here._replace(bound=SOFT, short=self.shortest)
+            return here._replace(short=2 * stand.short)
         if done.status is Status.STIFF:
             return here._replace(method=RODAS, steps=max(steps, 1))
         if done.status is not Status.SINGULAR or steps < 1:
@@ -313,15 +310,12 @@ class Passage:
         """Return what is integrated in a chart, and how."""
         system, settings, robot, turning = self.system, self.settings, self.robot, self.turning
         size = robot.equations.nq + robot.mobility + len(system.states)
-        tolerances, p = (
-            system.tolerances(chart, settings.rtol, settings.atol, size),
-            system.p(chart),
-        )
+        tolerances = system.tolerances(chart, settings.rtol, settings.atol, size)
         return Problem(
             system.motion(chart),
             chart.single("closure_step").early_address if robot.equations.constrained else 0,
             self.with_jacobian.jacobian(chart) if method.stiff else 0,
-            p,
+            system.p(chart),
             inputs,
             self.watch if system.acting else None,
             system.conditions(chart, self.watching) if system.acting else None,
@@ -332,6 +326,7 @@ class Passage:
             CLOSURE * robot.size,
             settings.leave_stiff,
             turning,
+            bool(robot.redundant),
         )
 
     @cached_property
@@ -430,9 +425,7 @@ class Passage:
 
 def portion(nq: int) -> int:
     """Return after how many steps a run of nq coordinates looks whether it is interrupted: a matter
-    of tenths of a second, and of the robot alone, so that runs can be told again bit for bit; but
-    not before it has looked whether it is stiff (`native_loop.LOOK`), even where many steps are
-    refused."""
+    of tenths of a second, and of the robot alone."""
     return max(LEAST, min(MOST, WORK // max(nq, 1) ** 2))
 
 

@@ -238,6 +238,7 @@ def integrated(batch: Members, settings: Settings, stands: Stands, progress: Pro
         watch=batch.watched,
         progress=progress,
         turning=turning(batch.robot.turning, batch.robot.chart, system.acting),
+        redundant=bool(batch.robot.redundant),
         starts=Starts(
             (stands.t, stands.t + (until - stands.t), stands.bound),
             (stands.members, stands.steps, stands.saved, last),
@@ -380,6 +381,8 @@ def segment(batch: Members, settings: Settings, leg: Leg, row: int) -> Segment:
         projections=0,
         fault=-1,
         next_sample=0,
+        since=0,
+        votes=0,
         time=float(done.end_time[row]),
         step=float(done.next_step[row]),
         growth=0.0,

@@ -114,10 +114,13 @@ class Pace:
     it may be longer.
 
     `longest`, the longest step lately, and `ideal`, the one that the last step's error allowed,
-    both in s, tell how steps fall.
+    both in s, tell how steps fall; `since` counts the steps since it was last due to look for
+    stiffness, and `votes` are those for it.
     """
 
     step: float
     growth: float
     longest: float = 0.0
     ideal: float = 0.0
+    since: int = 0
+    votes: int = 0

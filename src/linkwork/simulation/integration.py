@@ -1,7 +1,7 @@
 """Integrate the equations of motion: check what is asked, and run the compiled loop once."""
 
 import math
-from dataclasses import astuple, replace
+from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -27,7 +27,7 @@ from linkwork.simulation.turns import Turning
 
 NO_CONDITIONS = np.empty((0, 2))
 NOTHING = np.empty(0)
-GUESSED = 0.0, math.inf, 0.0, 0.0  # a pace: the first step is guessed, and may grow at once
+GUESSED = Pace(0.0, math.inf)  # the first step is guessed, and may grow at once
 NEARLY = (
     0.25  # of the interval of stability: steps that the tolerance bounds stay below a fifth of it
 )
@@ -59,6 +59,7 @@ def integrate(
     turning: Turning | None = None,
     turns: ArrayLike | None = None,
     watch: Watch | None = None,
+    redundant: bool = False,
 ) -> Trajectory:
     """Integrate (q', v') = f(q, v, u(t), p) over time with q kept on phi(q) = 0.
 
@@ -99,6 +100,8 @@ def integrate(
             in q.
         watch: signals of which no step passes over what its stages have not seen; None: the forces.
             Fixed steps do.
+        redundant: whether phi has rows that depend on others, which Newton's steps leave out: the
+            end of every step is measured then.
 
     Returns the `Trajectory`, whatever way the run ended: see its `status` and `message`.
 
@@ -136,6 +139,7 @@ def integrate(
         closure_tol,
         leave_stiff,
         turning or Turning.none(q.size),
+        redundant,
     )
     stop, going_on = start + duration, (first_step, control, turns)
     span = TimeSpan(q.size, start, stop, pivot_bound, max_steps, save_at, *going_on)
@@ -164,6 +168,7 @@ class Problem(NamedTuple):
     closure_tol: float
     leave_stiff: bool
     turning: Turning
+    redundant: bool
 
 
 class TimeSpan(NamedTuple):
@@ -242,10 +247,12 @@ def entry(problem: Problem, y: np.ndarray, span: TimeSpan) -> tuple[Any, ...]:
         problem.parameters, method.plan.table, problem.tolerances, conditions,
         signal.table, seen.table,
         (
-            float(start), float(stop), period, *pace,
+            float(start), float(stop), period,
+            float(pace.step), float(pace.growth), float(pace.longest), float(pace.ideal),
             float(pivot_bound), float(problem.closure_tol),
             float(stability(method, problem.leave_stiff)), float(problem.max_step), int(steps),
             next_sample, int(save_at is None), strict,
+            int(pace.since), int(pace.votes), int(problem.redundant),
         ),
         times, counted, state,
     )  # fmt: skip
@@ -278,15 +285,14 @@ def stability(method: Method, asked: bool) -> float:
     return NEARLY * method.stability if asked else 0.0
 
 
-def _pace(first_step: float | Pace | None) -> tuple[float, ...]:
-    """Return the numbers of the pace at the start: a step of 0 is guessed, and the first may grow
-    at once."""
+def _pace(first_step: float | Pace | None) -> Pace:
+    """Return the pace at the start: a step of 0 is guessed, and the first may grow at once."""
     if isinstance(first_step, Pace):
-        return tuple(map(float, astuple(first_step)))
+        return first_step
     if first_step is None:
         return GUESSED
     require_positive("first_step", first_step)
-    return float(first_step), math.inf, 0.0, 0.0
+    return Pace(first_step, math.inf)
 
 
 def _sampling(control: Control | None, start: float) -> tuple[np.ndarray, float, int, int]:

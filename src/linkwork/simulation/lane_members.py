@@ -124,10 +124,8 @@ def load_member(i, lane, members, signals, parameters, begun, save_at, results, 
         tables.turned[m, lane] = members.turns[i, m]
     for m in range(n + 1):
         k[m, lane] = begun[begin + NUMBERS + n + m, place]
-    signal, row = (
-        signal_of(signals, tally[ROW, lane]),
-        shared(tally[ROW, lane], parameters.shape[0]),
-    )
+    signal = signal_of(signals, tally[ROW, lane])
+    row = shared(tally[ROW, lane], parameters.shape[0])
     for m in range(parameters.shape[1]):
         x[n + inputs + m, lane] = tables.z[tables.nq + m, lane] = parameters[row, m]
     # How it is to go on.

@@ -144,13 +144,7 @@ def combine(weights, count, n, now, y, k, x):
     h = load(now, STEP)
     for block in range(0, n if n >= 5 else 0, 5):
         m = min(block, n - 5)
-        first, second, third, fourth, fifth = (
-            splat(0.0),
-            splat(0.0),
-            splat(0.0),
-            splat(0.0),
-            splat(0.0),
-        )
+        first = second = third = fourth = fifth = splat(0.0)
         for j in range(count):
             if weights[j] != 0.0:
                 weight, row = splat(weights[j]), j * (n + 1) + m
@@ -223,10 +217,8 @@ def accept(sixteenths, max_step, now):
     """Go on to the ends of the accepted steps, and choose the lengths of the next ones as in
     `native_pace`."""
     kept, step, h = load(now, ACCEPTS) <= splat(0.0), load(now, STEP), load(now, STEP_SIZE)
-    sixteenth, power = (
-        root(root(root(root(larger(load(now, ERROR), splat(SMALLEST_ERROR)))))),
-        splat(1.0),
-    )
+    error, power = larger(load(now, ERROR), splat(SMALLEST_ERROR)), splat(1.0)
+    sixteenth = root(root(root(root(error))))
     for _ in range(sixteenths):
         power = power * sixteenth
     longest, ideal = larger(step, splat(FADING) * load(now, LONGEST)), step / power

@@ -96,11 +96,13 @@ from linkwork.simulation.vectors import LANES, as_table, call_wide, load, some, 
 
 class Demands(NamedTuple):
     """What is asked of all steps: the closure's residual; h |lambda| from which a step is stiff, 0
-    where that does not matter; the longest step [s]."""
+    where that does not matter; the longest step [s]; whether `redundant` rows of phi ask that the
+    end of every step is measured."""
 
     closure_tol: float
     stability: float
     max_step: float
+    redundant: bool
 
 
 @njit(**INLINED)
@@ -117,7 +119,8 @@ def attempt(kernels, method, signals, limits, tables):
             store(now, RESIDUAL, splat(0.0))
             if kernels.closure != 0:
                 z, z_next, closure_tol = tables.z, tables.z_next, limits.closure_tol
-                project(kernels.closure, nq, x, z, z_next, now, closure_tol, RESERVE)
+                reserve = math.inf if limits.redundant else RESERVE
+                project(kernels.closure, nq, x, z, z_next, now, closure_tol, reserve)
         if signals.timed:
             set_forces(signals, method.c[i], x, n, now, tables.tally)
         call_wide(kernels.motion, x, k, i * (n + 1))
@@ -235,7 +238,7 @@ _whole, _number = types.intp, types.float64
 _SIGNATURE = (
     types.BaseTuple.from_types([_whole] * len(Kernels._fields), Kernels),
     _array,
-    _tuple(Demands, _number, _number, _number),
+    _tuple(Demands, _number, _number, _number, types.boolean),
     _tuple(Sizes, _rows, _rows),
     _table,
     _tuple(Signals, _numbers, _tables, _wholes, _numbers, _wholes, types.boolean),

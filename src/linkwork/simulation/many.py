@@ -237,6 +237,7 @@ def integrate_many(
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
     turning: Turning | None = None,
+    redundant: bool = False,
     watch: MemberInputs | Signal | Sequence[Signal] | None = None,
     starts: Starts | None = None,
     occasion: Occasion | None = None,
@@ -289,7 +290,9 @@ def integrate_many(
     asked = (
         lanes.Kernels(motion, closure or 0, 0, 0, 0, 0),
         method.plan.table,
-        lanes.Demands(float(closure_tol), stability(method, leave_stiff), float(max_step)),
+        lanes.Demands(
+            float(closure_tol), stability(method, leave_stiff), float(max_step), redundant
+        ),
         lanes.Sizes(tolerance, turning.table[:2].copy()),
         p,
         lanes.Signals(*forces.signals),

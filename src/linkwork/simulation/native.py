@@ -59,7 +59,7 @@ def advance(run):
         # The last stage is the new state itself, closed.
         if i == solution:
             if run.kernels.closure != 0 and nq > 0:
-                run.residual = project(run, False, new)
+                run.residual = project(run, run.course.redundant > 0, new)
                 if not run.residual <= run.loose:
                     run.ailment = unclosed(run, run.residual, solution)
                     return

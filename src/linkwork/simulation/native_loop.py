@@ -79,7 +79,7 @@ VOTES = 15  # by which stiff steps are more than others, where the run is called
 
 class LoopOutcome(NamedTuple):
     """What came of a run, apart from the rows saved and the last state; `fault` is what was not
-    finite, if anything."""
+    finite, if anything, `since` and `votes` are as in `RunCourse`."""
 
     status: int
     evaluations: int
@@ -88,6 +88,8 @@ class LoopOutcome(NamedTuple):
     projections: int
     fault: int
     next_sample: int
+    since: int
+    votes: int
     time: float
     step: float
     growth: float
@@ -169,6 +171,7 @@ def start(run):
     growth = min(course.growth, LARGEST_FACTOR)
     run.rhythm = Rhythm(course.step, growth, course.longest, course.ideal)
     run.next_sample, run.arrived, run.stale = course.next_sample, True, True
+    run.since, run.votes = course.since, course.votes
     run.status, run.cause, run.fault = OK, STEP_UNDERFLOW, -1
     run.loose = run.limits.closure_tol * settle(room.y, run.turns, room.nq)
     if run.kernels.closure != 0:
@@ -300,14 +303,8 @@ def aim(run):
     gap = run.target - run.t
     step = gap if fixed or h * (1 + ROUNDING) >= gap else min(h, gap / 2)
     run.step, run.arrival = step, run.target if step == gap else run.t + step
-    run.ailment, run.error, run.lowest, run.last_pivot, run.residual = (
-        OK,
-        0.0,
-        math.inf,
-        math.inf,
-        0.0,
-    )
-    run.lowest_time, run.least = run.t, 0.0
+    run.ailment, run.error, run.residual, run.least = OK, 0.0, 0.0, 0.0
+    run.lowest, run.last_pivot, run.lowest_time = math.inf, math.inf, run.t
     return True
 
 
@@ -345,7 +342,9 @@ def accept(run):
     run.accepted += 1
     # The run is stiff where stability, not accuracy, has bounded most steps for long and very many
     # are to come.
-    looks = limits.stability > 0 and (run.votes > 0 or run.accepted % LOOK == 0)
+    if limits.stability > 0:
+        run.since = (run.since + 1) % LOOK
+    looks = limits.stability > 0 and (run.votes > 0 or run.since == 0)
     if looks and not run.halted:
         run.votes = max(0, run.votes + (1 if stiffness(run) > limits.stability else -1))
         if run.votes >= VOTES and run.course.stop - run.arrival > LOOK * run.step:
@@ -399,7 +398,7 @@ def end(run, memory, rows, y, facts):
         run.closure_error = max(run.closure_error, project(run, True, room.sample))
     counts = (
         run.status, run.evaluations, run.accepted, run.rejected, run.projections,
-        run.fault, run.next_sample,
+        run.fault, run.next_sample, run.since, run.votes,
     )  # fmt: skip
     numbers = (
         run.t, rhythm.step, rhythm.growth, rhythm.longest, rhythm.ideal,

@@ -27,7 +27,9 @@ class RunCourse(NamedTuple):
     """Say where a run goes: from `start` to `stop`, with a controller that acts each `period` (0:
     there is none), for the first time as its sample `next_sample`; in at most `max_steps`, of which
     the first and how it grows are those of a `Rhythm`, a `step` of 0 being guessed, and the others
-    are as in `StepLimits`; whether `every_step` is saved, and how `strict` its signals are watched.
+    are as in `StepLimits`; whether `every_step` is saved, and how `strict` its signals are watched;
+    how many steps it is `since` stiffness was due to be looked for, and the `votes` for it; whether
+    `redundant` rows of phi ask that the end of every step is measured.
     """
 
     start: float
@@ -45,6 +47,9 @@ class RunCourse(NamedTuple):
     next_sample: int
     every_step: int
     strict: int
+    since: int
+    votes: int
+    redundant: int
 
 
 class Integration:
@@ -58,9 +63,8 @@ class Integration:
     stages are `pending` for its dense output, how short it may `least` be tried again; what is
     recorded of it, up to `row`, with the largest residual `sampled`, of which so many are `wanted`
     samples; whether an event `halted` it, and in which row of g it `ends`. What has come of the
-    run: counts and numbers of the `LoopOutcome`, `cause`, why a step was last refused, and `votes`
-    for its being stiff. The table of `rows`, `columns` wide, has `saved` ones, `taken` of them at
-    the `times` asked for.
+    run: counts and numbers of the `LoopOutcome`, and `cause`, why a step was last refused. The
+    table of `rows`, `columns` wide, has `saved` ones, `taken` of them at the `times` asked for.
     """
 
     kernels: Kernels
@@ -108,6 +112,7 @@ class Integration:
     status: int
     cause: int
     fault: int
+    since: int
     votes: int
     evaluations: int
     accepted: int

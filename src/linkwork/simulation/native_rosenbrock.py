@@ -109,7 +109,7 @@ def advance(run):
     # The new state, closed, and the slope there if the error is small.
     combine(method.a + solution * rows, solution, h, y, k, width, n, new)
     if run.kernels.closure != 0 and room.nq > 0:
-        run.residual = project(run, False, new)
+        run.residual = project(run, run.course.redundant > 0, new)
         if not run.residual <= run.loose:
             run.ailment = unclosed(run, run.residual, solution)
             return

@@ -112,10 +112,10 @@ class Trajectory:
 
     @property
     def pace(self) -> Pace:
-        """The step size to go on with, and its growth."""
-        return Pace(
-            self.outcome.step, self.outcome.growth, self.outcome.longest, self.outcome.ideal
-        )
+        """The step size to go on with, its growth, and what is known of stiffness."""
+        done = self.outcome
+        counts = int(done.since), int(done.votes)
+        return Pace(done.step, done.growth, done.longest, done.ideal, *counts)
 
     @property
     def next_step(self) -> float:

@@ -85,7 +85,8 @@ class HeldMembers:
         own_turning = turning(batch.robot.turning, batch.robot.chart, acting)
         asked = np.ascontiguousarray(own_turning.table[:2])
         self._portion = max(1, portion(nq) // max(N, 1))
-        self._asked = StepDemands(asked, self.dt, CLOSURE * batch.robot.size, first)
+        held_to = CLOSURE * batch.robot.size, bool(batch.robot.redundant)
+        self._asked = StepDemands(asked, self.dt, *held_to, first)
         self._inputs = self._settings.integrator.plan.table, inputs.table, timed
         self._seen = np.zeros((N, len(batch.robot.coordinates)))
         self._charts: dict[object, tuple[int, CompiledChart]] = {}

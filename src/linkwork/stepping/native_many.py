@@ -91,12 +91,13 @@ class Herd(NamedTuple):
 
 class StepDemands(NamedTuple):
     """Say what is asked of all members: `turning` (2, nq), spans and wraps of `turns.Turning`; the
-    length of a `step` [s]; the closure's tolerance; the `first` column that the forces have among
-    the inputs."""
+    length of a `step` [s]; the closure's tolerance; whether `redundant` rows ask that the end
+    of every step is measured; the `first` column that the forces have among the inputs."""
 
     turning: Any
     step: float
     closure_tol: float
+    redundant: bool
     first: int
 
 
@@ -283,7 +284,8 @@ def advance(motion, closure, method, signal, timed, herd, asked, block):
     store(now, RESIDUAL, splat(0.0))
     if closure != 0:
         store(now, WANTED, load(now, LIVE))
-        project(closure, nq, x, block.z, block.z_next, now, asked.closure_tol, RESERVE)
+        reserve = math.inf if asked.redundant else RESERVE
+        project(closure, nq, x, block.z, block.z_next, now, asked.closure_tol, reserve)
     # What may be accepted: pivots above their bound, loops closed, finite numbers.
     healthy = load(now, RESIDUAL) <= splat(asked.closure_tol) * load(now, LOOSE)
     for i in range(method.computed):
@@ -404,7 +406,7 @@ _wholes = types.Array(types.intp, 1, "C", readonly=True)
 SIGNATURE = (
     *(types.intp, types.intp, _list, _list, types.boolean),
     _tuple(Herd, _rows, _rows, _rows, _rows, _rows, _rows, _counts),
-    _tuple(StepDemands, _rows, types.float64, types.float64, types.intp),
+    _tuple(StepDemands, _rows, types.float64, types.float64, types.boolean, types.intp),
     _wholes,
 )
 

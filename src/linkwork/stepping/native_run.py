@@ -16,7 +16,7 @@ PLACES = {
     name: INTEGRATION.place(name)
     for name in (
         *("t", "rhythm", "status", "evaluations", "accepted", "rejected", "projections", "fault"),
-        *("next_sample", "pivot", "pivot_time", "closure_error"),
+        *("next_sample", "since", "votes", "pivot", "pivot_time", "closure_error"),
         *("rejected_pivot", "rejected_residual", "room"),
     )
 }
