@@ -1,5 +1,7 @@
 """The parts of the derivation: topology, orientations, elimination, welded bodies."""
 
+import operator
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -215,3 +217,35 @@ def test_each_branch_is_the_first_joint_of_fewest_freedoms_on_the_rim(seed):
         ]
         assert list(mechanism.pairs)[min(rim)[2]] == branch.joint
         depth[branch.body] = depth[branch.parent] + 1
+
+
+OTHERS = {
+    "expression": SX.sym("y", 3),
+    "scalar": SX.sym("y"),
+    "sparse": SX(3, 1),
+    "number": 2.5,
+    "whole": 2,
+    "NumPy's": np.float64(2.5),
+    "array": np.array([1.0, 2.0, 3.0]),
+    "matrix": ca.DM([1.0, 2.0, 3.0]),
+}
+
+
+@pytest.mark.parametrize("other", OTHERS.values(), ids=OTHERS.keys())
+@pytest.mark.parametrize("of", ["add plus", "sub minus", "mul times", "truediv rdivide"])
+def test_operators_of_expressions_do_what_casadi_s_functions_do(of, other):
+    ours, theirs = (
+        getattr(room, name) for room, name in zip((operator, ca), of.split(), strict=True)
+    )
+    x = SX.sym("x", 3)
+    for pair in ((x, other), (other, x)):
+        combined, told = ours(*pair), theirs(*pair)
+        assert str(combined) == str(told)
+        assert combined.sparsity() == told.sparsity()
+
+
+@pytest.mark.parametrize("other", ["1", SX.sym("y", 2), ca.MX.sym("y", 3), None])
+def test_operators_of_expressions_refuse_what_casadi_refuses(other):
+    with pytest.raises((TypeError, RuntimeError)):
+        SX.sym("x", 3) + other
+    assert np.array_equal(ca.DM(SX([1, 2])), [[1], [2]])
