@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from linkwork.kernels import Kernel, compile_function, from_python
-from linkwork.kernels.from_python import AskedOutputs, Direct, direct
+from linkwork.kernels.from_python import AskedOutputs, Columns, Direct, direct
 
 A, B = np.array([0.3, -1.2, 2.5]), np.array([0.7, -0.4])
 CONSTANT = np.array([1.5])
@@ -31,9 +31,14 @@ def kernel() -> Kernel:
 
 
 @pytest.fixture(params=["own convention", "ctypes"])
-def call(request: pytest.FixtureRequest, kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> Direct:
+def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     if request.param == "ctypes":
         monkeypatch.setattr(from_python, "_interface", lambda: None)
+    return request.param
+
+
+@pytest.fixture
+def call(kernel: Kernel, way: str) -> Direct:
     return direct(kernel, (3, 2), CONSTANT, RESULTS)
 
 
@@ -53,6 +58,26 @@ def test_results_have_the_bits_of_the_kernel(kernel, call):
     frozen.flags.writeable = False
     for same in (frozen, pickle.loads(pickle.dumps(A)), np.array(A, "<f8")):
         assert call(same, B).tobytes() == wanted.tobytes()
+
+
+SHAPES = ((), Columns((3, 1)), (0,), Columns((2, 0)), (1,), ())
+
+
+def test_results_come_in_a_tuple_of_arrays(kernel, way):
+    """Each has its own memory, and the order of its matrix; results that do not hold are None."""
+    wanted = np.concatenate(kernel(A, B, CONSTANT))
+    for shapes in (SHAPES, (Columns((2, 3)),), ((2, 3),), (Columns((3, 2)),)):
+        call = direct(kernel, (3, 2), CONSTANT, AskedOutputs(0, shapes, 1e-3))
+        found = call(A, B)
+        assert type(found) is tuple and len(found) == len(shapes)
+        end = 0
+        for array, shape in zip(found, shapes, strict=True):
+            part = wanted[end : (end := end + array.size)]
+            order = "F" if isinstance(shape, Columns) else "C"
+            assert array.shape == shape and array.flags.owndata and array.flags.writeable
+            assert array.tobytes(order) == part.tobytes() and array.flags[f"{order}_CONTIGUOUS"]
+        assert call(A, np.array([0.2, 1.0])) is None
+        assert call(A, np.array([1.0, 0.0])) is None
 
 
 def test_lists_and_tuples_of_numbers_are_taken(kernel):
@@ -139,6 +164,7 @@ def test_results_that_do_not_hold_are_left_to_others(call):
 
 def test_nothing_is_left_behind(kernel):
     call, given = direct(kernel, (3, 2), CONSTANT, RESULTS), [1e10, -3e20]
+    several = direct(kernel, (3, 2), CONSTANT, RESULTS._replace(first=0, shape=SHAPES))
     a, item = A.copy(), given[0]
     gc.collect()  # what other tests left holds types, too
     held = [sys.getrefcount(each) for each in (a, given, item, call, np.ndarray, a.dtype)]
@@ -147,6 +173,7 @@ def test_nothing_is_left_behind(kernel):
         for _ in range(3000):
             call(a, B)
             call(a, given)
+            several(a, B)
             call(a, [1.0, None])
             call(a, [10**400, 1.0])
 

@@ -12,7 +12,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.gradients import derivatives
-from linkwork.gradients.records import ForwardDynamicsDerivatives
+from linkwork.gradients.records import Derivatives, ForwardDynamicsDerivatives
 from linkwork.model.directly import DirectCalls
 from linkwork.model.state import State
 
@@ -25,9 +25,33 @@ CALLS: dict[str, Asked] = {
     "inverse": lambda robot, state, given: robot.inverse_dynamics(state, given),
     "derivatives": lambda robot, state, given: told(robot, state, given).by_q,
     "terms": lambda robot, state, given: robot.mass_matrix(state) + robot.coriolis(state),
+    "forces' derivatives": lambda robot, state, given: together(
+        robot.inverse_dynamics_derivatives(state, given), "forces by_q by_v by_accelerations by_p"
+    ),
+    "inertia's derivatives": lambda robot, state, given: together(
+        robot.mass_matrix_derivatives(state), "M by_q by_p"
+    ),
+    "loops' derivatives": lambda robot, state, given: together(
+        robot.closure_derivatives(state), "positions_by_q positions_by_p rates_by_q rates_by_v"
+    ),
+    "maps": lambda robot, state, given: np.concatenate(
+        [robot.rate_map(state), robot.twist_map(state)], axis=-2
+    ),
+    "joints": lambda robot, state, given: (
+        robot.joint_rates(state) + robot.joint_accelerations(state, given)
+    ),
+    "energy": lambda robot, state, given: np.array(robot.energy(state)),
+    "actuation": lambda robot, state, given: robot.actuation(state),
     "its tool": lambda robot, state, given: robot.tool_acceleration(state, given),
+    "its tool's derivatives": lambda robot, state, given: together(
+        robot.tool_derivatives(state), "pose_by_q pose_by_p twist twist_by_q twist_by_v twist_by_p"
+    ),
 }
-KERNELS = "motion", "inverse_dynamics", "tool_motion"
+OF_TOOL = 2  # of these calls, the last
+TAKING = "forward", "inverse", "derivatives", "forces' derivatives", "joints", "its tool"
+KERNELS = "motion", "inverse_dynamics", "joints_motion", "tool_motion"
+OF_STATE = "terms", "energy", "actuation", "maps"
+JACOBIANS = "forward_dynamics", "inverse_dynamics", "mass_matrix", "joints", "tool"
 U = np.array([1.0, -2.0, 0.5])
 GIVEN = {
     "array": U,
@@ -63,11 +87,20 @@ def told(robot: lw.Robot, state: Any, given: Any) -> ForwardDynamicsDerivatives:
     return robot.forward_dynamics_derivatives(state, given)
 
 
+def together(record: Derivatives, names: str) -> np.ndarray:
+    """Return fields of a record one behind the other, and how they lie in memory."""
+    arrays = [getattr(record, name) for name in names.split()]
+    assert all(array.flags.writeable for array in arrays)
+    return np.concatenate([np.append(array.ravel(), array.shape) for array in arrays])
+
+
 def moving(robot: lw.Robot) -> State:
     """Return a state that moves, of a robot that has code."""
-    for name in ("terms", *KERNELS[: 3 if robot.mechanism.tools else 2]):
+    last = None if robot.mechanism.tools else -1
+    for name in (*OF_STATE, *KERNELS[:last]):
         assert robot.kernel(name).address
-    assert derivatives.derivative_kernel(robot, "forward_dynamics").address
+    for name in JACOBIANS[:last]:
+        assert derivatives.derivative_kernel(robot, name).address
     return robot.home.with_rates(np.linspace(0.1, 0.3, robot.mobility))
 
 
@@ -76,9 +109,13 @@ def robot() -> lw.Robot:
     robot = lw.Robot("prr3").free("platform.mass")
     state = moving(robot)
     calls = [robot.directly(name) for name in KERNELS]
-    assert robot.directly("terms", True).at(state) is not None
-    for call in (*calls, robot.once(derivatives.direct_jacobians, "forward_dynamics")):
+    for call in calls:
         assert call.at(state, U) is not None
+    for name in OF_STATE:
+        assert robot.directly(name).at(state) is not None
+    for name in JACOBIANS:
+        given = U if name in JACOBIANS[:2] else None
+        assert derivatives.directly(robot, name, state, given) is not None
     return robot
 
 
@@ -100,7 +137,7 @@ def both(monkeypatch: pytest.MonkeyPatch, *given: Any) -> tuple[str | bytes, str
 
 
 @pytest.mark.parametrize("name", GIVEN)
-@pytest.mark.parametrize("call", CALLS)
+@pytest.mark.parametrize("call", TAKING)
 def test_what_is_given_is_answered_or_refused_alike(robot, monkeypatch, call, name):
     straight, long = both(monkeypatch, CALLS[call], robot, moving(robot), GIVEN[name])
     assert straight == long
@@ -131,7 +168,7 @@ def test_states_are_answered_or_refused_alike(robot, monkeypatch, call):
             assert straight == long, name
 
 
-@pytest.mark.parametrize("call", list(CALLS)[:4])
+@pytest.mark.parametrize("call", list(CALLS)[:-OF_TOOL])
 def test_singular_configurations_are_refused_alike(monkeypatch, call):
     """Where crank and rod are stretched the slider's rate does not determine the others."""
     robot = slider_driven()

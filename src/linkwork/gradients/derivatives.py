@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache, partial
 from math import isfinite
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +27,7 @@ from linkwork.gradients.records import (
     ToolDerivatives,
 )
 from linkwork.kernels import Kernel
+from linkwork.kernels.from_python import Arrays, Columns
 from linkwork.model import checks, evaluation
 from linkwork.model.charts import CompiledChart
 from linkwork.model.directly import DirectCalls
@@ -37,16 +38,11 @@ from linkwork.threads import number_of
 if TYPE_CHECKING:
     from linkwork.model.model import Model
 
+Parts = tuple[np.ndarray, ...]
+"""A value (..., values) and its derivatives (..., rows, columns) by q, by v, by what is given
+beside, if anything is, and by p."""
 OPENED = 1e-6
 """How far a free number may move a row that is not held, over what it moves the rows by itself."""
-
-
-class Differentiated(NamedTuple):
-    """Hold a value (..., values) and its derivatives (..., rows, columns) by q, by v, by what is
-    given beside, if anything is, and by p."""
-
-    value: np.ndarray
-    by: tuple[np.ndarray, ...]
 
 
 @lru_cache(maxsize=256)
@@ -55,8 +51,25 @@ def jacobian(chart: CompiledChart, what: str) -> Kernel:
 
 
 def direct_jacobians(robot: Model, what: str) -> DirectCalls:
-    """Return the shortest calls of a Jacobian at one state."""
-    return DirectCalls(robot.coordinates, robot.charts, partial(jacobian, what=what), True)
+    """Return the shortest calls of a Jacobian at one state: value, derivatives by q, v, what is
+    given, if anything is, and p."""
+    kernel = partial(jacobian, what=what)
+    return DirectCalls(robot.coordinates, robot.charts, kernel, value_and_matrices)
+
+
+def value_and_matrices(kernel: Kernel, n: int) -> tuple[int, Arrays]:
+    """Return where the outputs of a Jacobian begin, and their shapes."""
+    (_, value), *by, _ = kernel.outputs
+    rows = by[0][1] // n
+    return 0, ((value,), *(Columns((rows, size // rows)) for _, size in by))
+
+
+def directly(robot: Model, what: str, state: State, given: object = None) -> Parts | None:
+    """Return a value and its derivatives at one state, if all is plain and they are sound, and no
+    free number may open loops."""
+    if robot.parameters and robot.redundant:
+        return None
+    return robot.once(direct_jacobians, what).at(state, given)
 
 
 def derivative_kernel(
@@ -92,17 +105,14 @@ def told(
     given: tuple[np.ndarray, ...] = (),
     named: str = "rates",
     threads: int | None = 1,
-) -> Differentiated:
+) -> Parts:
     """Return what a Jacobian of `compilation` tells at states; named: what is given."""
     chart, q, v = robot.chart_of(robot.own(state)), state.q, state.rates
     kernel, n = jacobian(chart, what), len(state.independent)
     widths = (n, n, *(part.shape[-1] for part in given), len(robot.p))
     if robot.parameters:
         refuse_opened(robot, chart, state)
-    # One state takes the shortest way, or that up to where there is code.
-    y = robot.once(direct_jacobians, what).at(state, *given)
-    if y is not None:
-        return parts_of(kernel, y, widths)
+    # One state takes a short way up to where there is code for the shortest one.
     if q.ndim == 1 and all(part.ndim == 1 for part in given):
         y = kernel.flat(q, v, *given, robot.p)
         if abs(y.item(-1)) > checks.PIVOT_BOUND and isfinite(y.dot(y)):
@@ -116,12 +126,11 @@ def told(
     evaluation.require_regular(robot, state, pivot, value, given[0] if given else v, named)
     require_finite(what, value, by, len(given))
     rows = by[0].shape[-1] // n
-    return Differentiated(
-        value, tuple(matrix(part, rows, width) for part, width in zip(by, widths, strict=True))
-    )
+    matrices = (matrix(part, rows, width) for part, width in zip(by, widths, strict=True))
+    return value, *matrices
 
 
-def parts_of(kernel: Kernel, y: np.ndarray, widths: tuple[int, ...]) -> Differentiated:
+def parts_of(kernel: Kernel, y: np.ndarray, widths: tuple[int, ...]) -> Parts:
     """Return the outputs of one state (n_out) as a value and matrices."""
     at = kernel.outputs[0][1]
     value, by = y[:at], []
@@ -130,7 +139,7 @@ def parts_of(kernel: Kernel, y: np.ndarray, widths: tuple[int, ...]) -> Differen
         end = at + rows * width
         by.append(y[at:end].reshape(width, rows).T)
         at = end
-    return Differentiated(value, tuple(by))
+    return value, *by
 
 
 def matrix(flat: np.ndarray, rows: int, width: int) -> np.ndarray:
@@ -182,10 +191,11 @@ def forward_dynamics_derivatives(
     threads: int | None = 1,
 ) -> ForwardDynamicsDerivatives:
     """Return v' and its derivatives: `Robot.forward_dynamics_derivatives`."""
-    u = checks.actuator_forces(forces, robot.actuators)
-    value, (by_q, by_v, by_u, by_p) = told(
-        robot, "forward_dynamics", state, (u,), "forces", threads
-    )
+    found = directly(robot, "forward_dynamics", state, forces)
+    if found is None:
+        u = checks.actuator_forces(forces, robot.actuators)
+        found = told(robot, "forward_dynamics", state, (u,), "forces", threads)
+    value, by_q, by_v, by_u, by_p = found
     return ForwardDynamicsDerivatives(
         *chart_of(robot, state), value, by_q, by_v, by_u, by_p, robot.actuators
     )
@@ -207,26 +217,28 @@ def inverse_dynamics_derivatives(
             "inverse dynamics is not differentiated where bearings rub by what they carry, which "
             "depends on the forces that are asked for; take forward_dynamics_derivatives"
         )
-    independent = robot.own(state).independent
-    v_dot = checks.vector(accelerations, "accelerations", independent, "independent rate")
-    f, by = told(robot, "inverse_dynamics", state, (v_dot,), "accelerations", threads)
-    rows = independent
-    if of == "actuators":
-        rows = robot.actuators
-        if independent != rows:
-            f, by = of_actuators(robot, state, v_dot, Differentiated(f, by), weights)
-    by_q, by_v, by_dv, by_p = by
-    return InverseDynamicsDerivatives(*chart_of(robot, state), f, by_q, by_v, by_dv, by_p, rows)
+    found = directly(robot, "inverse_dynamics", state, accelerations)
+    if found is None or (of == "actuators" and state.independent != robot.actuators):
+        independent = robot.own(state).independent
+        v_dot = checks.accelerations(accelerations, independent)
+        if found is None:
+            given = "inverse_dynamics", state, (v_dot,), "accelerations"
+            found = told(robot, *given, threads)
+        if of == "actuators" and independent != robot.actuators:
+            found = of_actuators(robot, state, v_dot, found, weights)
+    rows = robot.actuators if of == "actuators" else state.independent
+    value, by_q, by_v, by_dv, by_p = found
+    return InverseDynamicsDerivatives(*chart_of(robot, state), value, by_q, by_v, by_dv, by_p, rows)
 
 
 def of_actuators(
     robot: Model,
     state: State,
     v_dot: np.ndarray,
-    needed: Differentiated,
+    needed: Parts,
     weights: ArrayLike | Mapping[str, float] | None,
-) -> Differentiated:
-    """Return u of least weighted norm with S' u = f, and its derivatives, of those of f.
+) -> Parts:
+    """Return u of least weighted norm with S' u = f, and its derivatives, of f and those of it.
 
     With R = W^-1/2 S of full rank, x = W^1/2 u = R (R' R)^-1 f and y = R^+ x,
 
@@ -243,27 +255,30 @@ def of_actuators(
     W = 1.0 if weights is None else evaluation.actuator_weights(robot, weights)
     units = evaluation.own_units(robot, state)
     root = np.broadcast_to(np.sqrt(W), count) / units.actuators  # of the weights, in own units
-    S, by_S = told(robot, "actuation", state)
+    S, *by_S = told(robot, "actuation", state)
     R = units.map(matrix(S, count, n)) / root[:, None]
     x, inverse = root * units.actuators * u, np.linalg.pinv(R)
     across = np.eye(count) - R @ inverse
     y = (inverse @ x[..., None])[..., 0]
     found, turned = [], [by_S[0], by_S[1], np.zeros((*by_S[0].shape[:-1], n)), by_S[2]]
-    for df, dS in zip(needed.by, turned, strict=True):
+    for df, dS in zip(needed[1:], turned, strict=True):
         dS = dS.reshape(*dS.shape[:-2], n, count, dS.shape[-1])
         dR = np.moveaxis(dS, -1, -3) * (units.rates[:, None] / units.actuators / root)
         dx = np.swapaxes(df * units.rates[:, None], -1, -2)[..., None]
         dx = np.swapaxes(inverse, -1, -2)[..., None, :, :] @ (dx - dR @ x[..., None, :, None])
         dx = dx + across[..., None, :, :] @ (np.swapaxes(dR, -1, -2) @ y[..., None, :, None])
         found.append(np.swapaxes(dx[..., 0], -1, -2) / (root * units.actuators)[:, None])
-    return Differentiated(u, tuple(found))
+    return u, *found
 
 
 def mass_matrix_derivatives(
     robot: Model, state: State, threads: int | None = 1
 ) -> MassMatrixDerivatives:
     """Return M and its derivatives: `Robot.mass_matrix_derivatives`."""
-    M, (by_q, _, by_p) = told(robot, "mass_matrix", state, threads=threads)
+    found = directly(robot, "mass_matrix", state) or told(
+        robot, "mass_matrix", state, threads=threads
+    )
+    M, by_q, _, by_p = found
     n = len(state.independent)
     M, by_q, by_p = (
         part.reshape(*part.shape[: len(state.batch)], n, n, *part.shape[len(state.batch) + 1 :])
@@ -274,7 +289,8 @@ def mass_matrix_derivatives(
 
 def closure_derivatives(robot: Model, state: State, threads: int | None = 1) -> ClosureDerivatives:
     """Return how all joints follow the independent ones: `Robot.closure_derivatives`."""
-    _, (by_q, by_v, by_p) = told(robot, "joints", state, threads=threads)
+    found = directly(robot, "joints", state) or told(robot, "joints", state, threads=threads)
+    _, by_q, by_v, by_p = found
     m = len(robot.coordinates)
     return ClosureDerivatives(
         *chart_of(robot, state),
@@ -291,7 +307,8 @@ def closure_derivatives(robot: Model, state: State, threads: int | None = 1) -> 
 def tool_derivatives(robot: Model, state: State, threads: int | None = 1) -> ToolDerivatives:
     """Return how the first tool's pose and twist change: `Robot.tool_derivatives`."""
     robot.require_tool()
-    value, (by_q, by_v, by_p) = told(robot, "tool", state, threads=threads)
+    found = directly(robot, "tool", state) or told(robot, "tool", state, threads=threads)
+    value, by_q, by_v, by_p = found
     return ToolDerivatives(
         *chart_of(robot, state),
         by_q[..., :6, :],

@@ -7,15 +7,15 @@ kernels,
     PyObject *direct(PyObject *self, PyObject *const *args, Py_ssize_t count)
 
 which looks whether each argument is a vector of doubles without gaps, or a list or a tuple of
-numbers, copies them one behind the other, calls the kernel, and makes an array of its results. What
-it does not take, and results that are not finite or that the kernel doubts, it leaves to others:
-None. It reads arrays as NumPy's binary interface has them; where Python or NumPy have another one,
-the same is done by ctypes.
+numbers, copies them one behind the other, calls the kernel, and makes an array of its results, or a
+tuple of arrays. What it does not take, and results that are not finite or that the kernel doubts,
+it leaves to others: None. It reads arrays as NumPy's binary interface has them; where Python or
+NumPy have another one, the same is done by ctypes.
 
-`self` is a table of words: what HEAD names, the sizes of the arguments, and room for the inputs
-(after the arguments those that stay the same). Python lets one thread at a time in, from the first
-argument to the array, so that a kernel is to be short; what takes longer lets others run, and is
-called by one thread at a time (`Ends.apart`).
+`self` is a table of words: what HEAD names, the sizes of the arguments, what RESULT names of each
+array, and room for the inputs (after the arguments those that stay the same). Python lets one
+thread at a time in, from the first argument to the array, so that a kernel is to be short; what
+takes longer lets others run, and is called by one thread at a time (`Ends.apart`).
 
 Source: Python/C API Reference, `METH_FASTCALL`, stable ABI; NumPy C-API, `PyArray_New`.
 """
@@ -26,8 +26,9 @@ import ctypes
 import sys
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import accumulate
 from math import isfinite, prod
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -37,40 +38,46 @@ from linkwork.kernels.machine import this_machine
 if TYPE_CHECKING:
     from linkwork.kernels.kernel import Kernel
 
-Direct = Callable[..., np.ndarray | None]
+Direct = Callable[..., Any]  # an array, or a tuple of them, or None
 DOUBLE, NDARRAY, NEW = np.dtype(np.float64), 2, 93  # of NumPy's C-API
 DOUBLES = int.from_bytes(b"fd=\0" + DOUBLE.num.to_bytes(4, "little"), "little")
 TOLD = ~(0xFF << 24)  # a word of NumPy's types: kind, letter, order of bytes, (flags), number
 FASTCALL, ABI = 0x80, 2  # of Python's methods; NumPy's number of its binary interface
 HEAD = (
     *("kernel", "apart", "arguments", "x", "y", "watch", "bound"),
-    *("first", "count", "looked", "dimensions", "rows", "columns"),
+    *("first", "looked", "together", "results"),
 )
+RESULT = "count", "dimensions", "rows", "columns", "order"  # of one array
 PLAIN = 0x101  # NumPy's flags of an array without gaps, aligned
 _ONE = ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+Shape = tuple[int, ...]  # of at most two dimensions
+Arrays = Shape | tuple[Shape, ...]  # one array, or a tuple of them, one behind the other in memory
+
+
+class Columns(tuple[int, ...]):
+    """A shape of a matrix that lies in memory column by column."""
 
 
 class AskedOutputs(NamedTuple):
-    """Say which of a kernel's outputs are asked for: those from `first` on, in this shape (one or
-    two dimensions); the last output is larger than `bound`, in size, where they hold."""
+    """Say which of a kernel's outputs are asked for: those from `first` on, in this shape, or these
+    shapes; the last output is larger than `bound`, in size, where they hold."""
 
     first: int
-    shape: tuple[int, ...]
+    shape: Arrays
     bound: float
 
 
 class Ends(NamedTuple):
     """Say where a function of (in, out) leaves what it finds.
 
-    out: what it is called with; first, shape: where its results begin, and their shape (one or two
-    dimensions); watch: where the number is that is larger than `bound`, in size, where they hold;
-    finite: whether they hold only then; apart: whether other threads run while it does, and only
-    one calls it at a time
+    out: what it is called with; first, shape: where its results begin, and their shape; watch:
+    where the number is that is larger than `bound`, in size, where they hold; finite: whether they
+    hold only then; apart: whether other threads run while it does, and only one calls it at a time
     """
 
     out: int
     first: int
-    shape: tuple[int, ...]
+    shape: Arrays
     watch: int
     bound: float
     finite: bool = True
@@ -104,19 +111,28 @@ def call_of(
     if interface is None:
         return None
     # The words of the call, and room for what the function takes.
-    start, n = len(HEAD) + len(sizes), sum(sizes)
+    shapes, together = shapes_of(ends.shape)
+    results = [
+        (prod(each), len(each), *(*each, 0, 0)[:2], isinstance(each, Columns)) for each in shapes
+    ]
+    told, n = len(HEAD) + len(sizes), sum(sizes)
+    start = told + len(RESULT) * len(results)
     table = np.zeros(start + n + constants.size, np.int64).view(Table)
     table.kept = interface, *kept
-    numbers, count = table.view(np.float64), prod(ends.shape)
+    numbers, at = table.view(np.float64), table.ctypes.data
     numbers[start + n :] = constants
-    words = f, ends.apart, len(sizes), table.ctypes.data + 8 * start, ends.out, ends.watch, 0
-    table[:start] = (
-        *(*words, ends.first, count, count * ends.finite, len(ends.shape)),
-        *(*ends.shape, 0)[:2],
-        *sizes,
-    )
+    words = f, ends.apart, len(sizes), at + 8 * start, ends.out, ends.watch, 0
+    looked = ends.finite * sum(count for count, *_ in results)
+    table[:told] = (*words, ends.first, looked, together * len(shapes), at + 8 * told, *sizes)
+    table[told:start] = [word for result in results for word in result]
     numbers[HEAD.index("bound")] = ends.bound
     return interface.make(ctypes.addressof(interface.method), table, None)
+
+
+def shapes_of(shape: Arrays) -> tuple[tuple[Shape, ...], bool]:
+    """Return the shapes of all arrays, and whether they are to be in a tuple."""
+    together = bool(shape) and isinstance(shape[0], tuple)
+    return (shape if together else (shape,)), together  # pyright: ignore[reportReturnType]
 
 
 def left_to_others(*_: object) -> None:
@@ -206,8 +222,11 @@ def _by_ctypes(
 ) -> Direct:
     """Return the same call in Python's own words."""
     call, (first, shape, bound) = _ONE(kernel.address), results
+    shapes, together = shapes_of(shape)
+    ends = [*accumulate(map(prod, shapes), initial=first)]
+    orders: list[Literal["F", "C"]] = ["F" if isinstance(each, Columns) else "C" for each in shapes]
 
-    def evaluated(*arrays: object) -> np.ndarray | None:
+    def evaluated(*arrays: object) -> Any:
         if len(arrays) != len(sizes):
             return None
         for array, size in zip(arrays, sizes, strict=True):
@@ -218,9 +237,11 @@ def _by_ctypes(
         y = np.empty(kernel.n_out)
         taken = b"".join([array.tobytes() for array in (*arrays, constants)])  # pyright: ignore
         call(taken, y.ctypes.data)
-        found = y[first : first + prod(shape)]
-        sound = abs(y.item(-1)) > bound and isfinite(sum(found.tolist()))
-        return found.reshape(shape).copy() if sound else None
+        if not (abs(y.item(-1)) > bound and isfinite(sum(y[first : ends[-1]].tolist()))):
+            return None
+        parts = zip(shapes, orders, ends, ends[1:], strict=False)
+        found = [y[at:end].reshape(each, order=o).copy(o) for each, o, at, end in parts]
+        return tuple(found) if together else found[0]
 
     return evaluated
 
@@ -228,14 +249,14 @@ def _by_ctypes(
 PYTHON = (
     *("PySequence_Size", "PySequence_GetItem", "PyFloat_AsDouble"),
     *("PyErr_Occurred", "PyErr_Clear", "Py_IncRef", "Py_DecRef"),
-    *("PyEval_SaveThread", "PyEval_RestoreThread"),
+    *("PyEval_SaveThread", "PyEval_RestoreThread", "PyTuple_New", "PyTuple_SetItem"),
 )
 
 
-def _word(name: str, of: str = "i64") -> str:
-    """Return the lines that read a word of the table by its name."""
+def _word(name: str, of: str = "i64", names: tuple[str, ...] = HEAD, table: str = "table") -> str:
+    """Return the lines that read a word of a table by its name."""
     return (
-        f"  %{name}.at = getelementptr i64, ptr %table, i64 {HEAD.index(name)}\n"
+        f"  %{name}.at = getelementptr i64, ptr %{table}, i64 {names.index(name)}\n"
         f"  %{name} = load {of}, ptr %{name}.at\n"
     )
 
@@ -257,6 +278,8 @@ declare ptr @PyEval_SaveThread()
 declare void @PyEval_RestoreThread(ptr)
 declare void @Py_IncRef(ptr)
 declare void @Py_DecRef(ptr)
+declare ptr @PyTuple_New(i64)
+declare i32 @PyTuple_SetItem(ptr, i64, ptr)
 declare ptr @memcpy(ptr, ptr, i64)
 declare double @llvm.fabs.f64(double)
 
@@ -371,7 +394,7 @@ taken:
 ; The kernel, and whether its results hold.
 evaluate:
 {_word("kernel", "ptr")}{_word("watch", "ptr")}{_word("bound", "double")}
-{_word("first", "ptr")}{_word("count")}{_word("looked")}{_word("apart")}
+{_word("first", "ptr")}{_word("looked")}{_word("apart")}
   %is.apart = icmp ne i64 %apart, 0
   br i1 %is.apart, label %others.run, label %alone
 others.run:
@@ -403,22 +426,51 @@ judge:
   %are.finite = fcmp oeq double %sum, 0.0
   br i1 %are.finite, label %answer, label %refuse
 
+; The results: an array, or a tuple of so many.
 answer:
-{_word("dimensions")}
-  %dimensions.short = trunc i64 %dimensions to i32
-  %rows = getelementptr i64, ptr %table, i64 {HEAD.index("rows")}
-  %made = call ptr @PyArray_New(ptr @ndarray, i32 %dimensions.short, ptr %rows, i32 {DOUBLE.num},
-    ptr null, ptr null, i32 0, i32 0, ptr null)
+{_word("together")}{_word("results", "ptr")}
+  %is.alone = icmp eq i64 %together, 0
+  br i1 %is.alone, label %make, label %gather
+gather:
+  %tuple = call ptr @PyTuple_New(i64 %together)
+  %is.room = icmp ne ptr %tuple, null
+  br i1 %is.room, label %make, label %out
+make:
+  %held = phi ptr [ null, %answer ], [ %tuple, %gather ], [ %held, %more ]
+  %r = phi i64 [ 0, %answer ], [ 0, %gather ], [ %r.next, %more ]
+  %asked = phi ptr [ %results, %answer ], [ %results, %gather ], [ %asked.next, %more ]
+  %from = phi ptr [ %first, %answer ], [ %first, %gather ], [ %from.next, %more ]
+{_word("count", "i64", RESULT, "asked")}{_word("dimensions", "i32", RESULT, "asked")}
+{_word("order", "i32", RESULT, "asked")}
+  %rows = getelementptr i64, ptr %asked, i64 {RESULT.index("rows")}
+  %made = call ptr @PyArray_New(ptr @ndarray, i32 %dimensions, ptr %rows, i32 {DOUBLE.num},
+    ptr null, ptr null, i32 0, i32 %order, ptr null)
   %is.made = icmp ne ptr %made, null
-  br i1 %is.made, label %fill, label %done
+  br i1 %is.made, label %fill, label %unmade
 fill:
   %room.at = getelementptr i8, ptr %made, i64 16
   %room = load ptr, ptr %room.at
   %results.bytes = shl i64 %count, 3
-  call ptr @memcpy(ptr %room, ptr %first, i64 %results.bytes)
-  br label %done
+  call ptr @memcpy(ptr %room, ptr %from, i64 %results.bytes)
+  br i1 %is.alone, label %done, label %more
+more:
+  %set = call i32 @PyTuple_SetItem(ptr %held, i64 %r, ptr %made)
+  %r.next = add i64 %r, 1
+  %asked.next = getelementptr i64, ptr %asked, i64 {len(RESULT)}
+  %from.next = getelementptr double, ptr %from, i64 %count
+  %is.complete = icmp eq i64 %r.next, %together
+  br i1 %is.complete, label %done.together, label %make
 done:
   ret ptr %made
+done.together:
+  ret ptr %held
+unmade:
+  br i1 %is.alone, label %out, label %let.go
+let.go:
+  call void @Py_DecRef(ptr %held)
+  br label %out
+out:
+  ret ptr null
 
 failed:
   call void @PyErr_Clear()

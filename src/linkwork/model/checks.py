@@ -109,6 +109,13 @@ def vector(
     return array
 
 
+def accelerations(
+    values: ArrayLike | Mapping[str, ArrayLike], independent: Sequence[str]
+) -> np.ndarray:
+    """Return v' (..., n) from an array in the order of the independent rates, or by name."""
+    return vector(values, "accelerations", independent, "independent rate")
+
+
 def refuse_shape(array: np.ndarray, what: str, names: Sequence[str]) -> NoReturn:
     if not names:
         raise LinkworkError(f"{what} has shape {array.shape}; there are none here: give []")

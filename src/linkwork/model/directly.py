@@ -9,42 +9,71 @@ None, and goes the way on which refusals are told.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from operator import methodcaller
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from linkwork.kernels import Kernel
-from linkwork.kernels.from_python import AskedOutputs, Direct, direct, left_to_others
+from linkwork.kernels.from_python import (
+    Arrays,
+    AskedOutputs,
+    Columns,
+    Direct,
+    Shape,
+    direct,
+    left_to_others,
+)
 from linkwork.model import checks
 from linkwork.model.charts import CompiledChart
 from linkwork.model.state import State
 
 SHORT = 20_000  # operations, some 10 us, for which no other thread need be let in
+Form = Literal["number", "vector", "matrix", "symmetric"]
+FORMS: dict[str, tuple[Form, ...]] = {
+    "actuation": ("matrix",),
+    "terms": ("symmetric", "vector", "vector", "vector"),
+    "energy": ("number", "number"),
+    "maps": ("matrix", "matrix"),
+    "joints_motion": ("vector", "vector", "vector"),
+    "tool_motion": ("vector", "matrix", "vector", "vector"),
+}
+"""What the outputs of a kernel are, but the pivot: matrices have a column for each independent
+rate. Of other kernels one vector is asked for, the last."""
+LOOKED_AT = {"maps": 0, "terms": 1, "energy": 0}
+"""Which outputs tell whether what is given was sound, if not the last one."""
 
 
 class DirectCalls(dict[tuple[str, ...], Direct]):
-    """Hold the calls of a kernel (q, v, given, p) -> (..., results, pivot) by independent rates,
-    from when there is code of it on.
+    """Hold the calls of a kernel (q[, v][, given], p) -> (..., results, ..., pivot) by independent
+    rates, from when there is code of it on.
 
-    coordinates: of the robot's own states; charts: by independent rates; kernel: its name, or what
-    returns it of a chart; whole: whether all outputs before the pivot are asked for, one after the
-    other, or the last of them
+    coordinates: of the robot's own states; charts: by independent rates; kernel: of a chart; asked:
+    where the outputs of a kernel of n rates begin that are asked for, and their shapes
     """
 
     def __init__(
         self,
         coordinates: tuple[str, ...],
         charts: Mapping[Any, CompiledChart],
-        kernel: str | Callable[[CompiledChart], Kernel],
-        whole: bool = False,
+        kernel: Callable[[CompiledChart], Kernel],
+        asked: Callable[[Kernel, int], tuple[int, Arrays]],
     ):
         super().__init__()
-        self._coordinates, self._charts, self._whole = coordinates, charts, whole
-        self._kernel = methodcaller("kernel", kernel) if isinstance(kernel, str) else kernel
+        self._coordinates, self._charts = coordinates, charts
+        self._kernel, self._asked = kernel, asked
 
-    def at(self, state: State, given: object = None) -> np.ndarray | None:
-        """Return the results (n) at one state, if all is plain and they are sound; else None.
+    @classmethod
+    def of(
+        cls, coordinates: tuple[str, ...], charts: Mapping[Any, CompiledChart], name: str
+    ) -> DirectCalls:
+        """Return the calls of a chart's kernel by its name, whose results FORMS tells."""
+        return cls(coordinates, charts, methodcaller("kernel", name), partial(asked_by_name, name))
+
+    def at(self, state: State, given: object = None) -> Any:
+        """Return the results at one state, an array or a tuple of arrays, if all is plain and they
+        are sound; else None.
 
         given: what the kernel takes beside q and v, if anything
         """
@@ -63,8 +92,48 @@ class DirectCalls(dict[tuple[str, ...], Direct]):
             return left_to_others
         if kernel.operations > SHORT:
             return self.setdefault(independent, left_to_others)
-        count = kernel.n_out - 1 if self._whole else kernel.outputs[-2][1]
-        asked = AskedOutputs(kernel.n_out - 1 - count, (count,), checks.PIVOT_BOUND)
+        first, shape = self._asked(kernel, len(independent))
         sizes = [size for _, size in kernel.inputs[:-1]]
-        call = self[independent] = direct(kernel, sizes, chart.p, asked)
-        return call
+        call = direct(kernel, sizes, chart.p, AskedOutputs(first, shape, checks.PIVOT_BOUND))
+        self[independent] = call if len(sizes) > 1 else partial(at_rest, call)
+        return self[independent]
+
+
+def asked_by_name(name: str, kernel: Kernel, n: int) -> tuple[int, Arrays]:
+    """Return where the outputs of a chart's kernel begin that are asked for, and their shapes."""
+    if name not in FORMS:
+        return kernel.n_out - 1 - kernel.outputs[-2][1], (kernel.outputs[-2][1],)
+    outputs = zip(kernel.outputs, FORMS[name], strict=False)
+    return 0, tuple(shape_of(form, size, n) for (_, size), form in outputs)
+
+
+def shape_of(form: Form, size: int, n: int) -> Shape:
+    """Return the shape of an output of so many numbers, of n independent rates."""
+    match form:
+        case "number":
+            return ()
+        case "vector":
+            return (size,)
+        case "matrix":
+            return Columns((size // n, n))
+        case "symmetric":
+            return n, n
+
+
+def shaped(name: str, outputs: list[np.ndarray], n: int) -> tuple[np.ndarray, ...]:
+    """Return outputs (..., size) of a chart's kernel at states, formed as those of a direct
+    call."""
+    found = []
+    for part, form in zip(outputs, FORMS[name], strict=True):
+        shape = shape_of(form, part.shape[-1], n)
+        if isinstance(shape, Columns):
+            part = part.reshape((*part.shape[:-1], *reversed(shape)))
+            found.append(np.swapaxes(part, -1, -2))
+        else:
+            found.append(part.reshape((*part.shape[:-1], *shape)))
+    return tuple(found)
+
+
+def at_rest(call: Direct, q: np.ndarray, *_: object) -> Any:
+    """Return what a kernel tells that takes no rates."""
+    return call(q)

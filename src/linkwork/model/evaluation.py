@@ -3,7 +3,7 @@ are singular."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from linkwork.errors import LinkworkError
 from linkwork.model import actuation, checks, undefined
 from linkwork.model.chart_transfer import chart_in, reread
+from linkwork.model.directly import LOOKED_AT, shaped
 from linkwork.model.reordering import evaluated
 from linkwork.model.state import State
 from linkwork.threads import number_of
@@ -98,9 +99,7 @@ def actuator_forces(
     found = robot.directly("inverse_dynamics").at(state, accelerations)
     if found is not None and weights is None and state.independent == robot.actuators:
         return found
-    v_dot = checks.vector(
-        accelerations, "accelerations", robot.own(state).independent, "independent rate"
-    )
+    v_dot = checks.accelerations(accelerations, robot.own(state).independent)
     f = dynamics(robot, "inverse_dynamics", state, v_dot, "accelerations", threads)
     W = 1.0 if weights is None else actuator_weights(robot, weights)
     if state.independent == robot.actuators:
@@ -169,13 +168,9 @@ def actuator_weights(robot: Model, weights: ArrayLike | Mapping[str, float]) -> 
 
 def actuation_map(robot: Model, state: State) -> np.ndarray:
     """Return S (..., actuators, n): `Robot.actuation`."""
-    n = len(state.independent)
     if not robot.actuators:
-        return np.zeros((*robot.own(state).batch, 0, n))
-    S, pivot = outputs(robot, "actuation", robot.own(state))
-    S = np.swapaxes(S.reshape(*state.batch, n, len(robot.actuators)), -1, -2)
-    require_regular(robot, state, pivot, S, state.rates, "rates")
-    return S
+        return np.zeros((*robot.own(state).batch, 0, len(state.independent)))
+    return told(robot, "actuation", state)[0]
 
 
 def internal_forces(robot: Model, state: State, weights: np.ndarray | None = None) -> np.ndarray:
@@ -201,29 +196,29 @@ class MotionTerms(NamedTuple):
 
 def terms(robot: Model, state: State) -> MotionTerms:
     """Return the terms of the equations of motion in a state or a stack of states."""
-    found, n = robot.directly("terms", True).at(state), len(robot.own(state).independent)
-    if found is not None:
-        return MotionTerms(found[: n * n].reshape(n, n), *found[n * n :].reshape(3, n))
-    M, Cv, G, f, pivot = outputs(robot, "terms", state, state.rates)
-    require_regular(robot, state, pivot, Cv, state.rates, "rates")
-    return MotionTerms(M.reshape(*state.batch, n, n), Cv, G, f)
+    return MotionTerms(*told(robot, "terms", state))
 
 
-def maps(robot: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
-    """Return L (..., m, n) and T (..., 6r, n)."""
-    L, T, pivot = outputs(robot, "maps", robot.own(state))
-    require_regular(robot, state, pivot, L, state.rates, "rates")
-    n, m, r = len(state.independent), len(robot.rates), 6 * len(robot.bodies)
-    L, T = L.reshape(*state.batch, n, m), T.reshape(*state.batch, n, r)
-    return np.swapaxes(L, -1, -2), np.swapaxes(T, -1, -2)
-
-
-def joints_motion(robot: Model, state: State, v_dot: np.ndarray) -> Sequence[np.ndarray]:
-    """Return positions, rates and accelerations of all joints."""
-    checks.together(state.batch, v_dot.shape[:-1])
-    *motion, pivot = outputs(robot, "joints_motion", state, state.rates, v_dot)
-    require_regular(robot, state, pivot, motion[2], v_dot, "accelerations")
-    return motion
+def told(
+    robot: Model,
+    name: str,
+    state: State,
+    v_dot: ArrayLike | Mapping[str, ArrayLike] | None = None,
+) -> tuple[np.ndarray, ...]:
+    """Return what a chart's kernel (q[, v][, v']) tells at states, but the pivot, formed as
+    `directly.FORMS` says: actuation, terms, energy, maps, joints_motion, tool_motion."""
+    if (found := robot.directly(name).at(state, v_dot)) is not None:
+        return found
+    # Stacks, weak orders of elimination, and what is to be refused.
+    independent, given, what = robot.own(state).independent, state.rates, "rates"
+    inputs = () if name in ("actuation", "maps") else (given,)
+    if v_dot is not None:
+        given, what = checks.accelerations(v_dot, independent), "accelerations"
+        checks.together(state.batch, given.shape[:-1])
+        inputs = state.rates, given
+    *found, pivot = outputs(robot, name, state, *inputs)
+    require_regular(robot, state, pivot, found[LOOKED_AT.get(name, -1)], given, what)
+    return shaped(name, found, len(independent))
 
 
 def require_regular(

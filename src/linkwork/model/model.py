@@ -120,7 +120,7 @@ class Model(SetOnce):
     @cached_property
     def directly(self) -> Callable[..., DirectCalls]:
         """Return the shortest calls of a kernel at one state, by its name."""
-        return lru_cache(maxsize=None)(partial(DirectCalls, self.coordinates, self.charts))
+        return lru_cache(maxsize=None)(partial(DirectCalls.of, self.coordinates, self.charts))
 
     @property
     def kernel(self) -> Callable[[str], Kernel]:

@@ -7,16 +7,17 @@ Of a whole rotation vector x' and x'' are the angular velocity and acceleration 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.task import label
-from linkwork.model import checks
 from linkwork.model.asked import task_kernel
-from linkwork.model.evaluation import outputs, require_regular
+from linkwork.model.evaluation import told
 from linkwork.model.state import State
 from linkwork.model.task import Task
 
@@ -82,17 +83,12 @@ class LedMotion:
         return (self.E @ self.tool.acceleration[..., None])[..., 0] + self.bias
 
 
-def tool_motion(robot: Model, state: State, accelerations: np.ndarray | None = None) -> ToolMotion:
+def tool_motion(
+    robot: Model,
+    state: State,
+    accelerations: ArrayLike | Mapping[str, ArrayLike] | None = None,
+) -> ToolMotion:
     """Return how the first tool moves at states; accelerations: v' (..., n), zero if left out."""
     robot.require_tool()
-    v = robot.own(state).rates
-    v_dot = 0 * v if accelerations is None else accelerations
-    found, n = robot.directly("tool_motion", True).at(state, v_dot), len(state.independent)
-    if found is not None:
-        T, twist, acceleration = found[13:-12].reshape(n, 6).T, found[-12:-6], found[-6:]
-        return ToolMotion(found[:13], T, twist, acceleration)
-    checks.together(state.batch, v_dot.shape[:-1])
-    pose, T, twist, acceleration, pivot = outputs(robot, "tool_motion", state, v, v_dot)
-    require_regular(robot, state, pivot, acceleration, v_dot, "accelerations")
-    T = np.swapaxes(T.reshape(*T.shape[:-1], n, 6), -1, -2)
-    return ToolMotion(pose, T, twist, acceleration)
+    v_dot = 0 * robot.own(state).rates if accelerations is None else accelerations
+    return ToolMotion(*told(robot, "tool_motion", state, v_dot))

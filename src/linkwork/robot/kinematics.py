@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from linkwork.gradients import derivatives
 from linkwork.mechanism.limits import speed_limited
 from linkwork.mechanism.task import TaskCoordinate, labels
-from linkwork.model import checks, dexterity, evaluation, limits, task
+from linkwork.model import dexterity, evaluation, limits, task
 from linkwork.model.model import Model
 from linkwork.model.state import State
 from linkwork.runs.endings import passed_limits
@@ -29,24 +29,23 @@ class Kinematics(Model):
     def rate_map(self, state: State) -> np.ndarray:
         """Return L (..., m, n): rates of all joints, in the order of `rates`, from the independent
         ones (paper, Eq. (7))."""
-        return evaluation.maps(self, state)[0]
+        return evaluation.told(self, "maps", state)[0]
 
     def twist_map(self, state: State) -> np.ndarray:
         """Return T (..., 6r, n): twists [omega; v of the mass centre] of all bodies, in the
         ground's axes (paper, Eq. (6))."""
-        return evaluation.maps(self, state)[1]
+        return evaluation.told(self, "maps", state)[1]
 
     def joint_rates(self, state: State) -> np.ndarray:
         """Return the rates of all joints (..., m) [m/s, rad/s], in the order of `rates`."""
-        return evaluation.joints_motion(self, state, 0 * self.own(state).rates)[1]
+        found = self.directly("joints_motion").at(state, np.zeros(self.mobility))
+        given = 0 * self.own(state).rates if found is None else None
+        return (found or evaluation.told(self, "joints_motion", state, given))[1]
 
     def joint_accelerations(self, state: State, accelerations: ArrayLike) -> np.ndarray:
         """Return the accelerations of all joints (..., m) for those of the independent rates, L v'
         + L' v."""
-        v_dot = checks.vector(
-            accelerations, "accelerations", self.own(state).independent, "independent rate"
-        )
-        return evaluation.joints_motion(self, state, v_dot)[2]
+        return evaluation.told(self, "joints_motion", state, accelerations)[2]
 
     def body_poses(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return the origin p_0B (..., 3) [m] and the matrix R_0B (..., 3, 3) of each body's frame,
@@ -176,9 +175,7 @@ class Kinematics(Model):
 
         if accelerations is None:
             return tool_motion(self, state)
-        names = self.own(state).independent
-        v_dot = checks.vector(accelerations, "accelerations", names, "independent rate")
-        return tool_motion(self, state, v_dot)
+        return tool_motion(self, state, accelerations)
 
     def _led(
         self, state: State, what: Sequence[str] | None, accelerations: Any = None
