@@ -26,8 +26,6 @@ from linkwork.simulation.vectors import LANES
 from linkwork.stepping.given_to_many import Index, which_of
 from linkwork.stepping.native_exchange import readings, transfer
 from linkwork.stepping.native_many import (
-    CODE,
-    COUNTS,
     LIMIT,
     NUMBERS,
     WHEN,
@@ -69,14 +67,14 @@ class HeldMembers:
             np.zeros((commands, stride)),
             np.zeros((batch.p.shape[1], stride)),
             np.zeros((NUMBERS, stride)),
-            np.zeros((COUNTS, stride), np.intp),
+            np.zeros(stride, np.intp),
         )
         herd.p[:, :N] = batch.p.T
         if len(batch.p) > 1:
             self._batch = replace(batch, p=herd.p[:, :N].T)
         self.y, self.u = herd.y[:, :N].T, herd.u[:, :N].T
         self.q, self.v, self.z = self.y[:, :nq], self.y[:, nq : nq + n], self.y[:, nq + n :]
-        self.status, self.time = herd.counts[CODE, :N], herd.numbers[WHEN, :N].view()
+        self.status, self.time = herd.status[:N], herd.numbers[WHEN, :N].view()
         self.parameters = parameters_of(batch, herd.p[:, :N])
         for told in (self.status, self.time):
             told.flags.writeable = False
@@ -178,7 +176,7 @@ class HeldMembers:
         nq = herd.turns.shape[0]
         seen[:, :nq] = whole(seen[:, :nq], herd.turns[:, who].T)
         herd.y[:, who] = seen.T
-        herd.numbers[LIMIT, who], herd.counts[CODE, who] = SOFT, OK
+        herd.numbers[LIMIT, who], herd.status[who] = SOFT, OK
         self._teams = None
 
     def _running(self) -> list[tuple[CompiledChart, np.ndarray]]:

@@ -4,12 +4,11 @@ import numpy as np
 from numba import types
 
 from linkwork.simulation.compiled import compiled_once
-from linkwork.simulation.lane_tables import NOW, STEP, TIME, room
+from linkwork.simulation.lane_tables import NOW, STEP, room
 from linkwork.simulation.native_parts import inputs_of
 from linkwork.simulation.pointers import pointer, uncounted
 from linkwork.simulation.vectors import LANES, as_table, call_wide
 from linkwork.stepping.native_many import (
-    COUNTS,
     NUMBERS,
     SIGNATURE,
     WHEN,
@@ -36,12 +35,11 @@ def readings(kernel, table, timed, herd, asked, members, out):
     signal, _ = inputs_of(pointer(table))
     n, forces, p, count = herd.y.shape[0], herd.u.shape[0], herd.p.shape[0], out.shape[1]
     width = n + signal.columns + p
-    space, inputs = room(width + count + NOW), np.empty(signal.columns + 1)
+    space, inputs = room(width + count + NOW + NUMBERS), np.empty(signal.columns + 1)
     who = np.empty(LANES, np.intp)
-    x, found, now = (
-        as_table(space), as_table(space[width:]), as_table(space[width + count :]),
-    )  # fmt: skip
-    block = LaneBlock(x, x, found, x, x, now, pointer(inputs), who, n, 0)
+    x, found = as_table(space), as_table(space[width:])
+    now, own = as_table(space[width + count :]), as_table(space[width + count + NOW :])
+    block = LaneBlock(x, x, found, x, x, now, own, pointer(inputs), who, n, 0)
     for begun in range(0, members.size, LANES):
         live = min(LANES, members.size - begun)
         for lane in range(LANES):
@@ -53,7 +51,7 @@ def readings(kernel, table, timed, herd, asked, members, out):
         taken(herd.p, p, first, block, x, n + signal.columns)
         if timed:
             for lane in range(LANES):
-                now[TIME, lane], now[STEP, lane] = herd.numbers[WHEN, who[lane]], 0.0
+                own[WHEN, lane], now[STEP, lane] = herd.numbers[WHEN, who[lane]], 0.0
             set_inputs(0.0, signal, herd, asked, block)
         call_wide(kernel, x, found, 0)
         for lane in range(live):
@@ -77,5 +75,4 @@ def transfer(herd, members, other, of):
             herd.p[m, here] = other.p[m, there]
         for m in range(NUMBERS):
             herd.numbers[m, here] = other.numbers[m, there]
-        for m in range(COUNTS):
-            herd.counts[m, here] = other.counts[m, there]
+        herd.status[here] = other.status[there]

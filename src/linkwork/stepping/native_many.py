@@ -7,7 +7,7 @@ step cannot be taken keeps its state, and is told why by its status; the others 
 
 Tables, (rows, LANES) each: `y`, states at the starts of the steps; `x`, rows (y, u, p); `k`, rows
 (y', pivot), stage after stage; `z`, rows (q, p); `z_next`, what the closure gives; `now`, numbers
-of the members as in `lane_tables`.
+of the members as in `lane_tables`; `own`, those that are named below.
 """
 
 import math
@@ -22,13 +22,11 @@ from linkwork.simulation.compiled import INLINED, OPTIONS, compiled_once
 from linkwork.simulation.lane_steps import combine, move, project
 from linkwork.simulation.lane_tables import (
     ARRIVAL,
-    BOUND,
     LIVE,
     LOOSE,
     NOW,
     RESIDUAL,
     STEP,
-    TIME,
     WANTED,
     room,
 )
@@ -61,14 +59,11 @@ from linkwork.simulation.vectors import (
     store,
 )
 
-NUMBERS = 4  # rows of `numbers`
-ORIGIN, WHEN, LIMIT, SLACK = range(NUMBERS)
+NUMBERS = 8  # rows of `numbers`
+ORIGIN, WHEN, LIMIT, SLACK, NUMBER, LEFT, WRITTEN, TURNED = range(NUMBERS)
 """Of each member: the time that its steps are counted from, the present time [s], the bound of its
-pivots, and the factor on the closure's tolerance."""
-COUNTS = 4  # rows of `counts`
-CODE, NUMBER, LEFT, WRITTEN = range(COUNTS)
-"""Of each member: its status, the number of its last step, how many are left, whether q was written
-since."""
+pivots, and the factor on the closure's tolerance; the number of its last step, how many are left,
+whether q was written since, and whether any whole turn may be counted."""
 
 
 class Herd(NamedTuple):
@@ -77,7 +72,7 @@ class Herd(NamedTuple):
     y: states as the user sees them (n, stride); held: as they are moved on, angles without the
         whole `turns` (nq, stride); u: forces that are given (nu, stride); p: parameters
         (np, stride)
-    numbers, counts: rows named above
+    numbers: rows named above; status (stride,)
     """
 
     y: Any
@@ -86,7 +81,7 @@ class Herd(NamedTuple):
     u: Any
     p: Any
     numbers: Any
-    counts: Any
+    status: Any
 
 
 class StepDemands(NamedTuple):
@@ -110,6 +105,7 @@ class LaneBlock(NamedTuple):
     z: Any
     z_next: Any
     now: Any
+    own: Any
     inputs: Any
     who: Any
     n: int
@@ -194,7 +190,7 @@ def take_over(herd, asked, closure, live, block):
     settle(herd, asked, live, block)
     for lane in range(live):
         if now[WANTED, lane] > 0:
-            herd.counts[WRITTEN, block.who[lane]] = 1
+            block.own[WRITTEN, lane] = 1.0
     if closure != 0:
         project(closure, nq, block.y, block.z, block.z_next, now, asked.closure_tol, math.inf)
         for lane in range(live):
@@ -207,7 +203,7 @@ def take_over(herd, asked, closure, live, block):
 def leave(herd, code, lane, block):
     """End a member where it was before anything was written to it."""
     i = block.who[lane]
-    herd.counts[CODE, i], block.now[LIVE, lane], block.now[WANTED, lane] = code, 0.0, 0.0
+    herd.status[i], block.now[LIVE, lane], block.now[WANTED, lane] = code, 0.0, 0.0
     for m in range(block.n):
         block.y[m, lane] = herd.held[m, i]
         if m < block.nq:
@@ -227,6 +223,7 @@ def settle(herd, asked, live, block):
                     count = turns_in(y[m, lane])
                     y[m, lane] = without(y[m, lane], count)
                     herd.turns[m, i] += count
+                    block.own[TURNED, lane] = 1.0
                 else:
                     now[LOOSE, lane] = max(now[LOOSE, lane], abs(y[m, lane]) / turning[0, m])
 
@@ -234,10 +231,11 @@ def settle(herd, asked, live, block):
 @njit(**OPTIONS)
 def set_inputs(theta, signal, herd, asked, block):
     """Evaluate what is given over time at t + theta h in all lanes, but for the forces."""
-    x, n, now, columns = block.x, block.n, block.now, signal.columns
+    x, n, columns = block.x, block.n, signal.columns
     end = asked.first + herd.u.shape[0]
     for lane in range(LANES):
-        force(signal, now[TIME, lane] + theta * now[STEP, lane], theta > 0, 0, block.inputs)
+        time = block.own[WHEN, lane] + theta * block.now[STEP, lane]
+        force(signal, time, theta > 0, 0, block.inputs)
         for j in range(columns):
             if j < asked.first or j >= end:
                 x[n + j, lane] = block.inputs[j]
@@ -249,7 +247,7 @@ def ailment(computed, asked, lane, block):
     n, k, now = block.n, block.k, block.now
     for i in range(computed):
         pivot = k[i * (n + 1) + n, lane]
-        if not pivot >= now[BOUND, lane]:
+        if not pivot >= block.own[LIMIT, lane]:
             return NON_FINITE if math.isnan(pivot) else SINGULAR
         for m in range(n):
             if not math.isfinite(k[i * (n + 1) + m, lane]):
@@ -289,46 +287,42 @@ def advance(motion, closure, method, signal, timed, herd, asked, block):
     # What may be accepted: pivots above their bound, loops closed, finite numbers.
     healthy = load(now, RESIDUAL) <= splat(asked.closure_tol) * load(now, LOOSE)
     for i in range(method.computed):
-        healthy = healthy & (load(k, i * (n + 1) + n) >= load(now, BOUND))
+        healthy = healthy & (load(k, i * (n + 1) + n) >= load(block.own, LIMIT))
     nothing = splat(0.0)
     for m in range(n):
         nothing = nothing + splat(0.0) * load(x, m)
     return healthy & (nothing >= splat(0.0))
 
 
-@njit(**OPTIONS)
-def aim(herd, asked, live, block):
-    """Choose the steps of the lanes, to the next times that their steps end at; return how many
-    lanes go on."""
-    now, count = block.now, 0
-    for lane in range(LANES):
-        i, now[STEP, lane] = block.who[lane], 0.0
-        if lane >= live or herd.counts[LEFT, i] <= 0:
-            now[LIVE, lane] = 0.0
-        if now[LIVE, lane] > 0:
-            goal = herd.numbers[ORIGIN, i] + (herd.counts[NUMBER, i] + 1) * asked.step
-            now[ARRIVAL, lane], now[STEP, lane] = goal, goal - now[TIME, lane]
-            count += 1
-    return count
+@njit(**INLINED)
+def aim(asked, block):
+    """Choose the steps of the lanes, to the next times that their steps end at; tell whether any
+    lane goes on."""
+    now, own, one, none = block.now, block.own, splat(1.0), splat(0.0)
+    on = (load(now, LIVE) >= one) & (load(own, LEFT) >= one)
+    goal = load(own, ORIGIN) + (load(own, NUMBER) + one) * splat(asked.step)
+    store(now, ARRIVAL, goal)
+    store(now, STEP, choose(on, goal - load(own, WHEN), none))
+    store(now, LIVE, choose(on, one, none))
+    return some(on)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def book(computed, herd, asked, healthy, block):
     """Count the steps that were taken, and end the members whose step could not be."""
-    now = block.now
-    store(now, WANTED, choose(healthy, splat(1.0), splat(0.0)))
-    for lane in range(LANES):
-        i = block.who[lane]
-        if now[LIVE, lane] > 0 and now[WANTED, lane] > 0:
-            now[TIME, lane] = now[ARRIVAL, lane]
-            herd.counts[NUMBER, i] += 1
-            herd.counts[LEFT, i] -= 1
-            herd.counts[WRITTEN, i] = 0
-        elif now[LIVE, lane] > 0:
-            herd.counts[CODE, i], now[LIVE, lane] = ailment(computed, asked, lane, block), 0.0
-            now[WANTED, lane] = 0.0
-        else:
-            now[WANTED, lane] = 0.0
+    now, own, one, none = block.now, block.own, splat(1.0), splat(0.0)
+    accepted = healthy & (load(now, LIVE) >= one)
+    step = choose(accepted, one, none)
+    store(now, WANTED, step)
+    store(own, WHEN, choose(accepted, load(now, ARRIVAL), load(own, WHEN)))
+    store(own, NUMBER, load(own, NUMBER) + step)
+    store(own, LEFT, load(own, LEFT) - step)
+    store(own, WRITTEN, choose(accepted, none, load(own, WRITTEN)))
+    if some(load(now, LIVE) - step >= one):
+        for lane in range(LANES):
+            if now[LIVE, lane] > now[WANTED, lane]:
+                code = ailment(computed, asked, lane, block)
+                herd.status[block.who[lane]], now[LIVE, lane] = code, 0.0
 
 
 @njit(**INLINED)
@@ -336,15 +330,16 @@ def begin(herd, asked, closure, signal, first, live, block):
     """Take the members out, with what was written to them."""
     n, nq, x, y, now = block.n, block.nq, block.x, block.y, block.now
     forces, inputs = herd.u.shape[0], n + signal.columns
+    taken(herd.numbers, NUMBERS, first, block, block.own, 0)
     taken(herd.held, n, first, block, y, 0)
     taken(herd.y, n, first, block, x, 0)
     taken(herd.u, forces, first, block, x, n + asked.first)
     taken(herd.p, herd.p.shape[0], first, block, x, inputs)
     taken(herd.p, herd.p.shape[0], first, block, block.z, nq)
-    for lane in range(LANES):
-        i = block.who[lane]
-        now[TIME, lane], now[BOUND, lane] = herd.numbers[WHEN, i], herd.numbers[LIMIT, i]
-        now[LOOSE, lane], now[LIVE, lane] = herd.numbers[SLACK, i], 1.0 if lane < live else 0.0
+    store(now, LOOSE, load(block.own, SLACK))
+    store(now, LIVE, splat(1.0))
+    for lane in range(live, LANES):
+        now[LIVE, lane] = 0.0
     # Seldom anything was written; where turns are counted it is looked for lane by lane.
     nothing, same = splat(0.0), splat(0.0) <= splat(0.0)
     for m in range(n):
@@ -359,39 +354,32 @@ def begin(herd, asked, closure, signal, first, live, block):
         for lane in range(live):
             for j in range(forces):
                 if not math.isfinite(x[n + asked.first + j, lane]):
-                    herd.counts[CODE, block.who[lane]], now[LIVE, lane] = NON_FINITE, 0.0
+                    herd.status[block.who[lane]], now[LIVE, lane] = NON_FINITE, 0.0
 
 
 @njit(**INLINED)
-def finish(herd, asked, first, live, block):
+def finish(herd, first, live, block):
     """Put the members back where they came to, with the whole turns of their angles for the
     user."""
-    n, y, x, now = block.n, block.y, block.x, block.now
+    n, y, own = block.n, block.y, block.own
+    store(own, SLACK, load(block.now, LOOSE))
+    put(own, NUMBERS, first, live, block, herd.numbers)
     put(y, n, first, live, block, herd.held)
-    turned = 0
-    for lane in range(live):
-        i = block.who[lane]
-        herd.numbers[WHEN, i], herd.numbers[SLACK, i] = now[TIME, lane], now[LOOSE, lane]
-        for m in range(block.nq):
-            turned += herd.turns[m, i] != 0.0
-    for m in range(n):
-        store(x, m, load(y, m))
-    if turned > 0:
+    if some(load(own, TURNED) >= splat(1.0)):
         for lane in range(live):
             for m in range(block.nq):
                 turns = herd.turns[m, block.who[lane]]
                 if turns != 0.0:
-                    x[m, lane] = whole(y[m, lane], turns)
-    put(x, n, first, live, block, herd.y)
+                    y[m, lane] = whole(y[m, lane], turns)
+    put(y, n, first, live, block, herd.y)
 
 
-@njit(**OPTIONS)
-def large(asked, block):
+@njit(**INLINED)
+def large(shortest, block):
     """Tell whether a coordinate may be large in any lane, beyond the shortest of all spans, or
     was."""
-    shortest, largest = np.inf, splat(0.0)
+    largest = splat(0.0)
     for m in range(block.nq):
-        shortest = min(shortest, asked.turning[0, m])
         largest = larger(absolute(load(block.y, m)), largest)
     return some((largest >= splat(shortest)) | (load(block.now, LOOSE) >= splat(1.0 + 1e-15)))
 
@@ -401,11 +389,11 @@ def _tuple(kind, *fields):
 
 
 _list = types.Array(types.float64, 1, "C", readonly=True)
-_rows, _counts = (types.Array(kind, 2, "C") for kind in (types.float64, types.intp))
+_rows, _codes = types.Array(types.float64, 2, "C"), types.Array(types.intp, 1, "C")
 _wholes = types.Array(types.intp, 1, "C", readonly=True)
 SIGNATURE = (
     *(types.intp, types.intp, _list, _list, types.boolean),
-    _tuple(Herd, _rows, _rows, _rows, _rows, _rows, _rows, _counts),
+    _tuple(Herd, _rows, _rows, _rows, _rows, _rows, _rows, _codes),
     _tuple(StepDemands, _rows, types.float64, types.float64, types.boolean, types.intp),
     _wholes,
 )
@@ -423,19 +411,19 @@ def steps(motion, closure, plan, table, timed, herd, asked, members):
     herd, asked = uncounted(herd), uncounted(asked)
     method, (signal, _) = method_of(pointer(plan)), inputs_of(pointer(table))
     n, nq, p = herd.y.shape[0], herd.turns.shape[0], herd.p.shape[0]
-    sizes = (n, n + signal.columns + p, method.stages * (n + 1), nq + p, nq + 1, NOW)
+    sizes = (n, n + signal.columns + p, method.stages * (n + 1), nq + p, nq + 1, NOW, NUMBERS)
     ends = np.cumsum(np.array(sizes))
     space, inputs = room(ends[-1]), np.empty(signal.columns + 1)
     who = np.empty(LANES, np.intp)
     block = LaneBlock(
         as_table(space), as_table(space[ends[0] :]), as_table(space[ends[1] :]),
         as_table(space[ends[2] :]), as_table(space[ends[3] :]), as_table(space[ends[4] :]),
-        pointer(inputs), who, n, nq,
+        as_table(space[ends[5] :]), pointer(inputs), who, n, nq,
     )  # fmt: skip
     # What does not vary is the same for all.
     if not timed:
         set_inputs(0.0, signal, herd, asked, block)
-    stopped = 0
+    stopped, shortest = 0, asked.turning[0].min() if nq > 0 else math.inf
     for begun in range(0, members.size, LANES):
         live = min(LANES, members.size - begun)
         for lane in range(LANES):
@@ -443,14 +431,14 @@ def steps(motion, closure, plan, table, timed, herd, asked, members):
         adjacent = live == LANES and who[LANES - 1] - who[0] == LANES - 1
         first = who[0] if adjacent else -1
         begin(herd, asked, closure, signal, first, live, block)
-        while aim(herd, asked, live, block) > 0:
+        while aim(asked, block):
             healthy = advance(motion, closure, method, signal, timed, herd, asked, block)
             book(method.computed, herd, asked, healthy, block)
             move(block.x, 0, block.y, n, load(block.now, WANTED) <= splat(0.0))
-            if large(asked, block):
+            if large(shortest, block):
                 settle(herd, asked, live, block)
-        finish(herd, asked, first, live, block)
+        finish(herd, first, live, block)
         for lane in range(live):
-            stopped += herd.counts[CODE, who[lane]] != OK
+            stopped += herd.status[who[lane]] != OK
     space[0, 0] = inputs[0] = 0.0  # the memory of the block lives to the end
     return stopped

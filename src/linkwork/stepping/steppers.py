@@ -34,12 +34,12 @@ from linkwork.stepping.given_to_many import (
 )
 from linkwork.stepping.held_members import OFTEN, OK, HeldMembers
 from linkwork.stepping.native_many import (
-    CODE,
     LEFT,
     LIMIT,
     NUMBER,
     ORIGIN,
     SLACK,
+    TURNED,
     WHEN,
     WRITTEN,
     steps,
@@ -178,7 +178,7 @@ class Steppers(HeldMembers):
 
     def _take(self, who: np.ndarray | slice, steps: int) -> None:
         """Take so many steps of members, of those that go on."""
-        left = self._herd.counts[LEFT]
+        left = self._herd.numbers[LEFT]
         left[:] = 0
         left[who] = steps
         # Charts are changed where they weaken, until nobody has steps left.
@@ -239,6 +239,7 @@ class Steppers(HeldMembers):
             q, _ = settled(stands.chart.kernel("closure_step"), np.ascontiguousarray(q), p)
             self._enter(stands.chart, who[stands.members], np.concatenate([q, v, z], 1))
         self._herd.turns[:, who], self._herd.u[:, who] = 0.0, self._first[who].T
+        self._herd.numbers[TURNED, who] = 0.0
         self._start(who, np.broadcast_to(times, who.shape))
         self._seen[who] = batch.given.positions
 
@@ -265,10 +266,10 @@ class Steppers(HeldMembers):
         it."""
         number = np.rint(time / self.dt)
         beside = np.abs(time - number * self.dt) > ROUNDING * self.dt
-        numbers, counts = self._herd.numbers, self._herd.counts
+        numbers = self._herd.numbers
         numbers[WHEN, who], numbers[SLACK, who] = time, 1.0
         numbers[ORIGIN, who] = np.where(beside, time, 0.0)
-        counts[NUMBER, who], counts[WRITTEN, who] = np.where(beside, 0, number), 0
+        numbers[NUMBER, who], numbers[WRITTEN, who] = np.where(beside, 0, number), 0.0
 
     def _dealt(self, teams: Sequence[tuple[CompiledChart, np.ndarray]]) -> int:
         """Take the steps that are left of members; return how many had to stop."""
@@ -287,11 +288,11 @@ class Steppers(HeldMembers):
         herd = self._herd
         for chart, who in self._grouped(np.flatnonzero(self.status == SINGULAR)):
             # q that was written may lie where the pivots have other signs.
-            faced = herd.counts[WRITTEN, who] > 0
+            faced = herd.numbers[WRITTEN, who] > 0
             for i in who[faced].tolist():
                 own = chart.facing(np.ascontiguousarray(herd.held[: self.q.shape[1], i]))
                 self._enter(own, np.array([i]), herd.held[:, [i]].T)
-                herd.counts[WRITTEN, i] = 0
+                herd.numbers[WRITTEN, i] = 0.0
             stands = self._stands(chart, who[~faced])
             better, changed = in_better_charts(self._batch, stands, True)
             for other in better:
@@ -300,7 +301,7 @@ class Steppers(HeldMembers):
             left = stands[np.flatnonzero(~changed & (stands.bound > checks.PIVOT_BOUND))]
             lower = LOWER * np.minimum(left.bound, pivots(self._batch, left))
             herd.numbers[LIMIT, left.members] = np.maximum(checks.PIVOT_BOUND, lower)
-            herd.counts[CODE, left.members] = OK
+            herd.status[left.members] = OK
 
     def _raise_bounds(self) -> None:
         """Raise the bounds that were lowered where the pivots have recovered."""
