@@ -103,17 +103,17 @@ def meeting_events(robot) -> tuple[Event, ...]:
 
 
 def load_events(robot) -> tuple[Event, ...]:
-    """Return an event for each joint that rubs by a force along one line, where that turns round:
+    """Return an event for each force along a line by which a joint rubs, where that turns round:
     there the friction has a kink, and steps end."""
     return tuple(
-        Event(LineLoad(name), name=f"{name}: load turns round", cuts=True)
-        for name in robot.names.loaded
+        Event(LineLoad(name), name=f"{name} turns round", cuts=True) for name in robot.names.loaded
     )
 
 
 @dataclass(frozen=True)
 class LineLoad(ActingPart):
-    """Tell the force along a line by which a joint rubs: of a gear's teeth, or thrust."""
+    """Tell the force along a line by which a joint rubs: of a gear's teeth, thrust, or across an
+    axis."""
 
     name: str
 

@@ -52,8 +52,8 @@ class Names:
     states and transmissions.
 
     pose: number of components of the tool's pose, 0 without a tool; meetings: what may meet;
-        strains: of bristles; task: coordinates of the task that the tool states; loaded: joints
-        that rub by a force along one line
+        strains: of bristles; task: coordinates of the task that the tool states; loaded: forces
+        along lines by whose size joints rub
     """
 
     coordinates: tuple[str, ...]

@@ -16,16 +16,20 @@ from functools import cached_property
 from typing import NamedTuple
 
 import casadi as ca
+import numpy as np
 
 from linkwork.equations import body_motion, gears
 from linkwork.equations.algebra import SX, Number, cross, dot, present, vector, zero
 from linkwork.equations.closure import Cut, line
 from linkwork.equations.elimination import solve
 from linkwork.equations.equations import Equations
+from linkwork.equations.joints import motions_of
+from linkwork.equations.joints.kind import transversals
 from linkwork.equations.needs import bodies_need, frames, joint_twists, known_forces, line_tensions
 from linkwork.equations.rubbing import Rubbing, rubbing
-from linkwork.equations.tree import near_offset
+from linkwork.equations.tree import in_base, near_offset
 from linkwork.mechanism import GearTeeth, JournalBearing
+from linkwork.mechanism.bearing import line_names
 
 Wrench = tuple[str, ca.SX]
 """A body and what acts on it from outside: [moment about its mass centre; force], in the ground's
@@ -178,6 +182,19 @@ class BearingLoads:
     def vectors(self) -> tuple[tuple[tuple[Number, ca.SX], ...], ...]:
         """What each bearing carries: radii and vectors [N]."""
         return tuple(tuple(self._vectors(own)) for own in self.rubbing)
+
+    def lines(self, own: Rubbing) -> dict[str, ca.SX]:
+        """Return what a bearing carries along lines, by the names of `line_names`."""
+        vectors = [x for _, x in self._vectors(own)]
+        parts = [x for x in vectors if x.numel() == 1]
+        if not own.teeth:
+            joint = self.equations.mechanism.pairs[own.joint]
+            R = frames(self.equations, joint)[0].R
+            (axis,) = (motion.turn + motion.slide for motion in motions_of(joint))
+            across = transversals(axis, np.eye(3)[np.abs(axis).argmin()])
+            lines = [in_base(R, e) for e in across]
+            parts = [dot(e, x) for x in vectors if x.numel() == 3 for e in lines] + parts
+        return dict(zip(line_names(own.joint, own.bearing), parts, strict=True))
 
     def _vectors(self, own: Rubbing) -> Iterator[tuple[Number, ca.SX]]:
         bearing = own.bearing

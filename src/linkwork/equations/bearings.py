@@ -67,19 +67,14 @@ def friction_in_motion(
 def line_loads(
     equations: Equations, applied: ca.SX, u: ca.SX, outside: tuple[Wrench, ...] = ()
 ) -> tuple[dict[str, ca.SX], ca.SX]:
-    """Return what acts along one line in bearings, thrust or what teeth transmit, by joint, in a
-    motion that is free; and below which size it is rounding."""
+    """Return what acts along lines in bearings, by the names of `line_names`, in a motion that is
+    free; and below which size it is rounding."""
     phi = friction_in_motion(equations, applied, u, outside)
     assert phi is not None
     dv = equations.accelerations(applied) + ca.mtimes(answers(equations), phi)
     loads = BearingLoads(equations, dv, phi, u, outside)
     forces = ca.vertcat(equations.tree_forces(loads.accelerations, equations.gravity), u)
-    found = {
-        own.joint: load
-        for own, carried in zip(loads.rubbing, loads.vectors, strict=True)
-        for _, load in carried
-        if load.numel() == 1
-    }
+    found = {name: load for own in loads.rubbing for name, load in loads.lines(own).items()}
     return found, ROUNDING * ca.norm_1(forces)
 
 
@@ -133,14 +128,17 @@ def affine(loads: BearingLoads, free: ca.SX, answers: ca.SX) -> Vectors:
 
 
 def newton(parts: Sequence[ca.SX], vectors: Vectors) -> ca.SX:
-    """Return phi of phi + m sum r |A + B phi| = 0."""
+    """Return phi of phi + m sum r |A + B phi| = 0; sizes are rounded off below what is rounding of
+    all loads, for derivatives of the steps would have no bound at a load that is zero in one."""
     phi = SX.zeros(len(parts))
+    loads = sum((ca.sumsqr(A) for carried in vectors for _, A, _ in carried), SX(0))
+    least = ROUNDING**2 * loads + TINY
     for _ in range(NEWTON):
         residual, slope = SX(phi), SX.eye(len(parts))
         for k, (m, carried) in enumerate(zip(parts, vectors, strict=True)):
             for radius, A, B in carried:
                 x = A + ca.mtimes(B, phi)
-                size = ca.sqrt(ca.sumsqr(x) + TINY)
+                size = ca.sqrt(ca.sumsqr(x) + least)
                 residual[k] += m * radius * size
                 slope[k, :] += m * radius * ca.mtimes(x.T, B) / size
         phi -= eliminated(ca.densify(slope), residual)[0]

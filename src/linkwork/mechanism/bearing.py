@@ -71,14 +71,24 @@ def bearings(joints: Mapping[str, object]) -> dict[str, Bearing]:
 
 
 def loaded(joints: Mapping[str, object]) -> tuple[str, ...]:
-    """Return the joints that rub by the size of a force along one line, which has a kink where it
-    turns round: by the teeth of a gear, or by thrust."""
+    """Return names of the forces along lines by whose size joints rub, which has a kink where they
+    turn round: of a gear's teeth, thrust, and along two lines across the axis of each bearing."""
     return tuple(
-        name
+        label
         for name, own in bearings(joints).items()
-        if (own.friction.coefficient or own.friction.static)
-        and (isinstance(own, GearTeeth) or (isinstance(own, JournalBearing) and own.thrust_radius))
+        if own.friction.coefficient or own.friction.static
+        for label in line_names(name, own)
     )
+
+
+def line_names(joint: str, bearing: Bearing) -> tuple[str, ...]:
+    """Return the names of the forces along lines that a joint's bearing carries: those across its
+    axis along two directions of F1, one bearing after the other, then thrust."""
+    if isinstance(bearing, GearTeeth):
+        return (f"{joint}: load",)
+    across = tuple(f"{joint}: load across {k}" for k in range(1, 3 if bearing.span is None else 5))
+    thrusts = isinstance(bearing, JournalBearing) and bearing.thrust_radius
+    return (*across, f"{joint}: load") if thrusts else across
 
 
 def bearing_name(joint: str) -> str:
