@@ -18,8 +18,10 @@ demo: $(READY)  ## reproduce the paper: report.html and its data in ./demo
 test: $(READY) $(BROWSER) $(COMPILERS) $(TORCH)  ## lint, types, all tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/pyright
-	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
+	# Types are checked meanwhile, which takes one processor a minute; both have to pass.
+	$(BIN)/pyright & types=$$!; \
+	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal; tests=$$?; \
+	wait $$types && exit $$tests
 
 hostile: $(READY) $(TORCH)  ## every hostile case, every mutated file and all robots where one of each kind stands for them in `make test`
 	LINKWORK_HOSTILE=all OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/hostile tests/analysis tests/benchmarks tests/control tests/equations tests/export tests/formats tests/gradients tests/jax \

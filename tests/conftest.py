@@ -4,11 +4,15 @@ import fcntl
 import gc
 import importlib
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FunctionType
+from typing import Any
 
 import pytest
 
 from linkwork.kernels import kernel
+from linkwork.simulation import compiled
 
 from tests.house import SOURCE
 
@@ -22,24 +26,43 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def share_compilation(worker: dict[str, str]) -> None:
-    """Compile what Numba compiles once per machine in turns with the other workers: each module,
-    whose file is its lock, by whoever comes first, every other worker from the last to the
-    first."""
+    """Compile what Numba compiles once per machine in turns with the other workers: each module by
+    whoever comes first, every other worker from the last to the first, and none that another one
+    compiles just now."""
+    compiled._cached = one_at_a_time(compiled._cached)
     found = [
         path
         for path in sorted(SOURCE.rglob("*.py"))
         if "\n@compiled_once(" in path.read_text(encoding="utf-8")
     ]
     odd = int(worker["workerid"].removeprefix("gw")) % 2
-    for locking in (fcntl.LOCK_EX | fcntl.LOCK_NB, fcntl.LOCK_EX):
+    for busy_too in (False, True):
         for path in found[:: -1 if odd else 1]:
-            with path.open() as lock:
-                try:
-                    fcntl.flock(lock, locking)
-                except BlockingIOError:  # another worker compiles it just now
-                    continue
+            if busy_too or is_free(path):
                 name = path.relative_to(SOURCE.parent).with_suffix("")
                 importlib.import_module(".".join(name.parts))
+
+
+def is_free(path: Path) -> bool:
+    """Tell whether no other worker compiles a function of a file."""
+    with path.open() as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True
+
+
+def one_at_a_time(compile_or_load: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the same for functions of whose file, which is their lock, no other worker compiles
+    one meanwhile, be it asked for by itself or by a module that needs it."""
+
+    def locked(function: FunctionType, *given: object) -> Any:
+        with Path(function.__code__.co_filename).open() as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            return compile_or_load(function, *given)
+
+    return locked
 
 
 @pytest.hookimpl(wrapper=True)

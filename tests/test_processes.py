@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -31,11 +32,12 @@ def waits(tree: ast.AST) -> list[int]:
 
 
 def test_every_wait_of_a_test_has_a_limit():
-    folder = Path(__file__).parent
-    trees = {
-        path.relative_to(folder).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
+    folder, asking = Path(__file__).parent, re.compile(rf"\b({'|'.join(WAITS)}|subprocess)\b")
+    texts = {
+        path.relative_to(folder).as_posix(): path.read_text(encoding="utf-8")
         for path in folder.rglob("*.py")
     }
+    trees = {name: ast.parse(text) for name, text in texts.items() if asking.search(text)}
     assert {name: lines for name, tree in trees.items() if (lines := waits(tree))} == {}
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from tests.house import modules, nodes
 
-PAGE = Path(__file__).parents[2] / "docs" / "notation.md"
+PAGE = Path(__file__).parents[1] / "docs" / "notation.md"
 
 
 def names(tree: ast.AST) -> set[str]:
