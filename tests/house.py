@@ -43,6 +43,7 @@ WINGS = {
         *("interpreter", "tape"),
     ),
     # How code becomes quick, and is kept.
+    "quick deriving": ("operators",),
     "fewer operations": ("fused", "regrouping", "simplify", "turned_inertia"),
     "sines and cosines": ("angles", "elementary"),
     "stacks of states": ("dense", "stacks", "stored_states", "transposed"),

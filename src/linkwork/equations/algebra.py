@@ -13,44 +13,17 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Sequence
 from functools import cache, lru_cache, reduce, wraps
-from typing import Any, overload
+from typing import overload
 
 import casadi as ca
 import numpy as np
 
-SX = ca.SX
+from linkwork.equations.operators import SX
+
 Number = float | ca.SX
 Vector = np.ndarray | ca.SX
 Drawn = Callable[..., ca.SX]
 ROUNDING = 1e-15
-
-
-def _quicken() -> None:
-    """Let CasADi combine its expressions from Python in a fifth of the time.
-
-    It asks of each operand in some ten ways whether it is a matrix of numbers, which `__DM__`
-    denies at once; its operators ask so of three classes, though here they know the one.
-    """
-    SX.__DM__ = lambda _: None  # pyright: ignore[reportAttributeAccessIssue]
-    for name in ("add", "sub", "mul", "truediv"):
-        code = getattr(ca, f"OP_{name[-3:].upper()}")
-        for method, order in ((f"__{name}__", 1), (f"__r{name}__", -1)):
-            setattr(SX, method, _operator(code, order, getattr(SX, method)))
-
-
-def _operator(code: int, order: int, otherwise: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the method that combines an expression with another one, or a number, by an operation
-    of this code; `otherwise` combines it with the rest."""
-
-    def combined(x: ca.SX, y: Any) -> Any:
-        if isinstance(y, (SX, float, int)):
-            return SX.binary(code, *(x, y)[::order])
-        return otherwise(x, y)
-
-    return combined
-
-
-_quicken()
 
 
 @cache
@@ -99,7 +72,9 @@ def vector(numbers: Sequence[Number]) -> Vector:
 
 def present(value: Number | Vector) -> bool:
     """Tell whether a constant is anything but zero."""
-    return not value.is_zero() if isinstance(value, SX) else bool(np.any(value))
+    if isinstance(value, SX):
+        return not value.is_zero()
+    return bool(value.any() if isinstance(value, np.ndarray) else value)
 
 
 @overload
@@ -118,11 +93,19 @@ def snap(values: Vector, size: float | None = None) -> Vector:
         size = min(1.0, max(constants, default=1.0)) if size is None else size
         snapped = [SX(snap(np.array(float(e)), size)) if e.is_constant() else e for e in entries]
         return ca.reshape(ca.vertcat(*snapped), *values.shape)
+    return _snapped(values.shape, np.ascontiguousarray(values, float).tobytes(), size)
+
+
+@lru_cache(maxsize=4096)
+def _snapped(shape: tuple[int, ...], given: bytes, size: float | None) -> np.ndarray:
+    """Return what `snap` makes of numbers, once for the same ones."""
+    values = np.frombuffer(given).reshape(shape)
     size = min(1.0, np.abs(values).max(initial=0.0)) if size is None else size
     halves = np.round(2 * values) / 2
-    return np.where(
-        np.abs(values - halves) < ROUNDING * np.maximum(size, np.abs(halves)), halves, values
-    )
+    near = np.abs(values - halves) < ROUNDING * np.maximum(size, np.abs(halves))
+    snapped = np.where(near, halves, values)
+    snapped.setflags(write=False)
+    return snapped
 
 
 def dense(matrix: ca.DM) -> np.ndarray:
@@ -217,17 +200,8 @@ def quaternion_matrix(p: ca.SX) -> ca.SX:
     (x, y, z)."""
     w, x, y, z = (p[i] for i in range(4))
     X, Y, Z = 2 * x, 2 * y, 2 * z
-    xX, yY, zZ, xY, xZ, yZ, wX, wY, wZ = (
-        x * X,
-        y * Y,
-        z * Z,
-        x * Y,
-        x * Z,
-        y * Z,
-        w * X,
-        w * Y,
-        w * Z,
-    )
+    xX, xY, xZ, yY, yZ, zZ = x * X, x * Y, x * Z, y * Y, y * Z, z * Z
+    wX, wY, wZ = w * X, w * Y, w * Z
     rows = (
         (1 - (yY + zZ), xY - wZ, xZ + wY),
         (xY + wZ, 1 - (xX + zZ), yZ - wX),

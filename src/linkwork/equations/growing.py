@@ -87,10 +87,7 @@ def branch_nodes(
     if branch.reversed:
         steps = [(motion.reversed(), places, rates) for motion, places, rates in reversed(steps)]
     origin, own = vector(outer.position), frame_matrix(outer).T
-    arm, turned = (
-        snap(vector(inner.position) - parent.frame_origin, length),
-        frame_matrix(inner),
-    )
+    arm, turned = snap(vector(inner.position) - parent.frame_origin, length), frame_matrix(inner)
     before = turned_by(parent.R, inner)
     # A node for each step: turned and moved against the one before; the last one is the body.
     for index, (motion, places, rates) in enumerate(

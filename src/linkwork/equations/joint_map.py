@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -41,8 +42,8 @@ class JointMap:
         """Return a joint coordinate [rad, m; 1 of a quaternion], or a transmission's length."""
         if label in self.mechanism.transmissions:
             return self.along(label).x
-        if label in self.tree.coordinates:
-            return self.tree.q[self.tree.coordinates.index(label)]
+        if label in self.tree.places:
+            return self.tree.q[self.tree.places[label]]
         cut = self._cut(label)
         names = self.mechanism.joints[cut.joint].coordinates(cut.joint)
         return self._read(
@@ -57,9 +58,9 @@ class JointMap:
             return self._read(
                 f"{label}: row", lambda: [(label, line.row(self.tree, self.rate_row))]
             )[label]
-        if label in self.tree.rates:
+        if label in self.tree.rate_places:
             row = SX(1, len(self.tree.rates))
-            row[self.tree.rates.index(label)] = 1
+            row[self.tree.rate_places[label]] = 1
             return row
         cut = self._cut(label)
         names = self.mechanism.joints[cut.joint].rates(cut.joint)
@@ -93,7 +94,11 @@ class JointMap:
 
     def _cut(self, label: str) -> Cut:
         joint = label if label in self.mechanism.joints else label.rpartition(".")[0]
-        return next(cut for cut in self.cuts if cut.joint == joint)
+        return self._by_joint[joint]
+
+    @cached_property
+    def _by_joint(self) -> dict[str, Cut]:
+        return {cut.joint: cut for cut in self.cuts}
 
     def _read(self, key: str, derive: Callable[[], Iterable[tuple[str, Any]]]) -> dict[str, Any]:
         if key not in self._cache:

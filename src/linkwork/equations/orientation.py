@@ -22,6 +22,7 @@ import numpy as np
 from linkwork.equations.algebra import SX, Vector, constant, present, skew, snap, turn_matrix, zero
 
 PARALLEL = 1e-12
+NO_TURN = np.eye(3).tobytes()
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +108,9 @@ class Orientation:
 
     def then_constant(self, rotation: Vector) -> Orientation:
         """Return R_0B rotation; a constant rotation about the axis goes into the angle."""
+        constants = rotation, self.right
+        if all(isinstance(R, np.ndarray) and R.tobytes() == NO_TURN for R in constants):
+            return self
         right = snap(self.right @ rotation)
         if isinstance(right, SX):
             return Orientation(self.axes, self.axis, self.angle, right)
@@ -189,11 +193,5 @@ def angle_across(axis: np.ndarray, direction: np.ndarray) -> tuple[float, np.nda
 def angle_about(axis: np.ndarray, rotation: np.ndarray) -> float:
     """Return the angle [rad] of a rotation matrix whose axis is known: tan = axis . vee(R - R') /
     (trace - 1)."""
-    vee = np.array(
-        [
-            rotation[2, 1] - rotation[1, 2],
-            rotation[0, 2] - rotation[2, 0],
-            rotation[1, 0] - rotation[0, 1],
-        ]
-    )
+    vee = rotation[[2, 0, 1], [1, 2, 0]] - rotation[[1, 2, 0], [2, 0, 1]]
     return float(np.arctan2(axis @ vee, np.trace(rotation) - 1))

@@ -192,7 +192,7 @@ def starts(
     for _ in range(STARTS if lost else 0):
         q = first.copy()
         for name in lost:
-            place = tree.coordinates.index(f"{name}.x")
+            place = tree.places[f"{name}.x"]
             q[place : place + 7] = np.append(
                 size * random.standard_normal(3), random.standard_normal(4)
             )

@@ -210,6 +210,16 @@ class Tree:
         """Return the node of a body."""
         return self.of_bodies[body]
 
+    @cached_property
+    def places(self) -> dict[str, int]:
+        """Places in q of the coordinates, by name."""
+        return {label: place for place, label in enumerate(self.coordinates)}
+
+    @cached_property
+    def rate_places(self) -> dict[str, int]:
+        """Places in w of the rates, by name."""
+        return {label: place for place, label in enumerate(self.rates)}
+
     def path(self, node: Node) -> tuple[Node, ...]:
         """Return the nodes from ground to a node, in this order."""
         path = []
@@ -247,14 +257,10 @@ class Tree:
     @property
     def single(self) -> list[tuple[int, int]]:
         """Return the places in q and in w of the coordinates that have a rate of their own."""
-        of_balls = (
-            {place for places, _ in self.quaternions for place in places},
-            {k for _, r in self.quaternions for k in r},
-        )
-        places = [i for i in range(len(self.coordinates)) if i not in of_balls[0]]
-        return list(
-            zip(places, (k for k in range(len(self.rates)) if k not in of_balls[1]), strict=True)
-        )
+        of_balls, turns = ({k for own in self.quaternions for k in own[j]} for j in range(2))
+        places = [i for i in range(len(self.coordinates)) if i not in of_balls]
+        rates = [k for k in range(len(self.rates)) if k not in turns]
+        return list(zip(places, rates, strict=True))
 
     @cached_property
     def derivative_map(self) -> ca.SX:

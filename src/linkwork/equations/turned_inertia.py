@@ -15,9 +15,10 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, Vector, at_once, present, snap, zero
+from linkwork.equations.algebra import SX, Vector, at_once, constant, present, snap, zero
 from linkwork.equations.orientation import Orientation
 
+OFF_DIAGONAL = (0, 1), (0, 2), (1, 2)
 ALIKE = 1e-15  # difference of principal moments, over the largest, that is rounding
 
 
@@ -39,11 +40,11 @@ def turned_inertia(inertia: Vector, R: Orientation) -> ca.SX:
     if all_differ(values) and np.count_nonzero(R.axis) == 1 and isinstance(R.right, np.ndarray):
         return turned_about(snap(R.right @ inertia @ R.right.T, np.abs(inertia).max()), R)
     middle = int(np.argsort(values)[1])
-    result = values[middle] * SX.eye(3)
+    result = constant(values[middle] * np.eye(3))
     for value, axis in zip(values, axes.T, strict=True):
         if abs(value - values[middle]) > ALIKE * np.max(np.abs(values)):
             a = R.turned(axis)
-            result += (value - values[middle]) * ca.mtimes(a, a.T)
+            result = result + float(value - values[middle]) * ca.mtimes(a, a.T)
     return ca.densify(result)
 
 
@@ -53,27 +54,28 @@ def all_differ(moments: np.ndarray) -> bool:
 
 
 def turned_about(inertia: np.ndarray, R: Orientation) -> ca.SX:
-    """Return Rot I Rot' for R's turn about one of its axes, k.
-
-    What the other two, i and j, have in common stays, half their difference and I_ij turn by twice
-    the angle, I_ik and I_jk by the angle.
-    """
+    """Return Rot I Rot' for R's turn about one of its axes."""
     k = int(np.flatnonzero(R.axis)[0])
-    i, j = (k + 1) % 3, (k + 2) % 3
-    s, c = ca.sin(R.angle) * R.axis[k], ca.cos(R.angle)
+    order = [(k + 1) % 3, (k + 2) % 3, k]
+    sine = ca.sin(R.angle) * float(R.axis[k])
+    turned = turned_about_last(constant(inertia[np.ix_(order, order)]), ca.cos(R.angle), sine)
+    back = np.argsort(order).tolist()
+    return turned[back, back]
+
+
+@at_once((3, 3), (1, 1), (1, 1))
+def turned_about_last(inertia: ca.SX, c: ca.SX, s: ca.SX) -> ca.SX:
+    """Return `turned_about` the last axis by an angle of this cosine and sine."""
+    xx, yy, zz, xy, xz, yz = (inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), *OFF_DIAGONAL))
     double = 1 - 2 * s * s, 2 * s * c
-    common = (inertia[i, i] + inertia[j, j]) / 2
-    d, o = turned_pair((inertia[i, i] - inertia[j, j]) / 2, inertia[i, j], *double)
-    e, f = turned_pair(inertia[i, k], inertia[j, k], c, s)
-    found = SX(3, 3)
-    found[i, i], found[j, j], found[k, k] = common + d, common - d, inertia[k, k]
-    found[i, j] = found[j, i] = o
-    found[i, k] = found[k, i] = e
-    found[j, k] = found[k, j] = f
-    return ca.densify(found)
+    common = (xx + yy) / 2
+    d, o = turned_pair((xx - yy) / 2, xy, *double)
+    e, f = turned_pair(xz, yz, c, s)
+    rows = (common + d, o, e), (o, common - d, f), (e, f, zz)
+    return ca.vertcat(*[ca.horzcat(*row) for row in rows])
 
 
-def turned_pair(x: float, y: float, c: ca.SX, s: ca.SX) -> tuple[ca.SX, ca.SX]:
+def turned_pair(x: ca.SX, y: ca.SX, c: ca.SX, s: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Return (x, y) turned by an angle of this cosine and sine."""
     return x * c - y * s, x * s + y * c
 
