@@ -15,6 +15,8 @@ from linkwork.gradients import derivatives
 from linkwork.gradients.records import Derivatives, ForwardDynamicsDerivatives
 from linkwork.model.directly import DirectCalls
 from linkwork.model.state import State
+from linkwork.model.task import values_directly, values_kernel
+from linkwork.model.tool_motion import led_directly, led_kernel
 
 from tests.robot.test_hostile_calls import HOSTILE
 from tests.robot.test_refusals import slider_driven
@@ -43,12 +45,16 @@ CALLS: dict[str, Asked] = {
     "energy": lambda robot, state, given: np.array(robot.energy(state)),
     "actuation": lambda robot, state, given: robot.actuation(state),
     "its tool": lambda robot, state, given: robot.tool_acceleration(state, given),
+    "its task": lambda robot, state, given: (
+        robot.task_accelerations(state, given) + robot.task_rates(state) + robot.task_values(state)
+    ),
+    "its task's Jacobian": lambda robot, state, given: robot.jacobian(state),
     "its tool's derivatives": lambda robot, state, given: together(
         robot.tool_derivatives(state), "pose_by_q pose_by_p twist twist_by_q twist_by_v twist_by_p"
     ),
 }
-OF_TOOL = 2  # of these calls, the last
-TAKING = "forward", "inverse", "derivatives", "forces' derivatives", "joints", "its tool"
+OF_TOOL = 4  # of these calls, the last
+TAKING = "forward", "inverse", "derivatives", "forces' derivatives", "joints", "its task"
 KERNELS = "motion", "inverse_dynamics", "joints_motion", "tool_motion"
 OF_STATE = "terms", "energy", "actuation", "maps"
 JACOBIANS = "forward_dynamics", "inverse_dynamics", "mass_matrix", "joints", "tool"
@@ -99,6 +105,10 @@ def moving(robot: lw.Robot) -> State:
     last = None if robot.mechanism.tools else -1
     for name in (*OF_STATE, *KERNELS[:last]):
         assert robot.kernel(name).address
+    if robot.mechanism.tools:
+        task = robot.task_coordinates()
+        kernels = [led_kernel(robot.chart, task, accelerating) for accelerating in (True, False)]
+        assert all(kernel.address for kernel in (*kernels, values_kernel(robot.chart, task)))
     for name in JACOBIANS[:last]:
         assert derivatives.derivative_kernel(robot, name).address
     return robot.home.with_rates(np.linspace(0.1, 0.3, robot.mobility))
@@ -113,6 +123,10 @@ def robot() -> lw.Robot:
         assert call.at(state, U) is not None
     for name in OF_STATE:
         assert robot.directly(name).at(state) is not None
+    task = robot.task_coordinates()
+    assert robot.once(led_directly, task, True).at(state, U) is not None
+    for call in (robot.once(led_directly, task, False), robot.once(values_directly, task)):
+        assert call.at(state) is not None
     for name in JACOBIANS:
         given = U if name in JACOBIANS[:2] else None
         assert derivatives.directly(robot, name, state, given) is not None

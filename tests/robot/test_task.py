@@ -366,3 +366,51 @@ def test_the_task_that_a_refusal_suggests_is_one():
     described = level.model_dump()
     described["tools"]["mass"]["task"] = ("y",)
     assert Robot(Mechanism(**described)).task == ("y",)
+
+
+def ball(**tool: object) -> Robot:
+    """Return a body on a spherical joint, with a tool."""
+    body = lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.2, zz=0.3))
+    joint = lw.SphericalJoint(connects=("ground", "ball"))
+    tools = {"hand": Tool(body="ball", **tool)}
+    return Robot(Mechanism(bodies={"ball": body}, joints={"pivot": joint}, tools=tools))
+
+
+UNDETERMINED = {
+    "tilt half a turn": ((np.pi, 0, 0), ("azimuth", "torsion", "tilt_x", "tilt_y")),
+    "the same about y": ((0, np.pi, 0), ("azimuth", "torsion", "tilt_x", "tilt_y")),
+    "pitch a quarter turn": ((0, np.pi / 2, 0), ("roll", "yaw")),
+    "upright": ((0, 0, 0.7), ("azimuth",)),
+}
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-15, 1e-12])
+@pytest.mark.parametrize("pose", UNDETERMINED)
+def test_coordinates_that_a_pose_does_not_determine_are_nan(pose, noise):
+    robot, (turn, undetermined) = ball(), UNDETERMINED[pose]
+    asked = ("azimuth", "torsion", "tilt_x", "tilt_y", "roll", "pitch", "yaw", "rx", "ry", "rz")
+    x, y, z, w = (Rotation.from_rotvec([noise, noise, 0]) * Rotation.from_rotvec(turn)).as_quat()
+    state = robot.state([w, x, y, z])
+    for which in (state, robot.state(np.array([state.positions] * 2))):
+        found = robot.task_values(which, asked)
+        assert found.shape == (*which.batch, len(asked))
+        for name, value in zip(asked, found.T, strict=True):
+            assert np.isnan(value).all() == (name in undetermined), name
+    # With a tilt of zero every azimuth is right, so that both lead the tool from there.
+    if pose == "upright":
+        np.testing.assert_allclose(robot.task_values(state, ("azimuth", "tilt"))[1], 0, atol=1e-11)
+    else:
+        assert robot.task_values(state, ("tilt",))[0] == pytest.approx(np.linalg.norm(turn))
+
+
+def test_a_turn_that_a_pose_does_not_determine_is_nan():
+    robot = ball(task=(TurnAbout(axis=(0, 0, 1)), "tilt_x", "tilt_y"))
+    assert np.isnan(robot.task_values(robot.state([0, 1, 0, 0]))[0])
+    across = robot.state([np.cos(1.5), np.sin(1.5), 0, 0])
+    np.testing.assert_allclose(robot.task_values(across), [0, 0, -3], atol=1e-12)
+
+
+def test_values_of_a_robot_without_a_tool_are_refused():
+    with pytest.raises(lw.LinkworkError, match="names no tool"):
+        robot = Robot(lw.robots.bricard())
+        robot.task_values(robot.home)

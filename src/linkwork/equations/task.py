@@ -27,6 +27,7 @@ from linkwork.mechanism.task import ROTATION, DistanceTo, TaskCoordinate, TurnAb
 
 NEAR_ZERO = 1e-2  # square of an angle below which series are taken
 UPRIGHT = 1e-4  # square of a sine below which series are taken
+DETERMINED = 1e-10  # sine and cosine of an angle, by which rounding turns it by a microradian
 SWUNG_BY = {"azimuth": "tilt_x", "tilt": "tilt_y"}  # what both together are held by
 POSE = 13  # numbers of a pose: position (3), orientation row by row (9), angle in the plane
 
@@ -93,29 +94,67 @@ def row(
 
 def of_orientation(item: TaskCoordinate, R: ca.SX) -> ca.SX:
     """Return an angle or a direction of an orientation R; R: symbols."""
+    if sine_and_cosine := of_angle(item, R):
+        return ca.atan2(*sine_and_cosine)
     u, s2 = R[:, 2], R[0, 2] ** 2 + R[1, 2] ** 2
+    if item in ("tilt_x", "tilt_y"):
+        return u["xy".index(str(item)[-1])] * angle_over_sine(s2, u[2])
+    return u["xyz".index(str(item)[-1])]
+
+
+def of_angle(item: TaskCoordinate, R: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+    """Return what an angle of an orientation has its sine and cosine by, times one number; None
+    where it is no angle."""
     if isinstance(item, TurnAbout):
         a = np.array(item.axis) / np.linalg.norm(item.axis)
         R = ca.mtimes(R, rotation_matrix(item.zero).T)
         vee = ca.vertcat(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])
-        return ca.atan2(ca.dot(a, vee), ca.trace(R) - ca.mtimes([a.reshape(1, 3), R, a]))
+        return ca.dot(a, vee), ca.trace(R) - ca.mtimes([a.reshape(1, 3), R, a])
     match item:
         case "roll":
-            return ca.atan2(R[2, 1], R[2, 2])
+            return R[2, 1], R[2, 2]
         case "pitch":
-            return ca.atan2(-R[2, 0], ca.sqrt(R[0, 0] ** 2 + R[1, 0] ** 2))
+            return -R[2, 0], ca.sqrt(R[0, 0] ** 2 + R[1, 0] ** 2)
         case "yaw":
-            return ca.atan2(R[1, 0], R[0, 0])
+            return R[1, 0], R[0, 0]
         case "azimuth":
-            return ca.atan2(u[1], u[0])
+            return R[1, 2], R[0, 2]
         case "torsion":
-            return ca.atan2(R[1, 0] - R[0, 1], R[0, 0] + R[1, 1])
+            return R[1, 0] - R[0, 1], R[0, 0] + R[1, 1]
         case "tilt":
-            return ca.atan2(ca.sqrt(s2), u[2])
-        case "tilt_x" | "tilt_y":
-            return u["xy".index(item[-1])] * angle_over_sine(s2, u[2])
+            return ca.sqrt(R[0, 2] ** 2 + R[1, 2] ** 2), R[2, 2]
         case _:
-            return u["xyz".index(str(item)[-1])]
+            return None
+
+
+def determined(item: TaskCoordinate, task: Sequence[TaskCoordinate], R: ca.SX) -> ca.SX:
+    """Tell whether an orientation determines one of the coordinates of a task.
+
+    Roll and yaw are not where the pitch is a quarter turn, azimuth, torsion, tilt_x and tilt_y are
+    not where the tilt is half a turn; nor a turn about an axis after half a turn across it. An
+    azimuth is not where the tool is upright, unless the tilt, which is zero, is asked for, too: all
+    azimuths are right then.
+    """
+    sine_and_cosine = of_angle("azimuth" if item in SWUNG_BY.values() else item, R)
+    if sine_and_cosine is None:
+        return SX(1)
+    found = ca.hypot(*sine_and_cosine) > DETERMINED
+    upright = item in SWUNG_BY.values() or (item == "azimuth" and "tilt" in task)
+    return ca.logic_or(found, R[2, 2] > 0) if upright else found
+
+
+def told(task: tuple[TaskCoordinate, ...], pose: ca.SX) -> ca.SX:
+    """Return the values (k) of task coordinates as users are told them, NaN where the pose does not
+    determine them."""
+    x, _, _ = task_map(held_task(task)).call([pose, SX.zeros(6)], True, False)
+    if places := pointing_of(task):
+        a, t = places
+        swung = x[a], x[t]
+        x[a], x[t] = ca.atan2(*reversed(swung)), ca.hypot(*swung)
+    R = ca.reshape(pose[3:12], 3, 3).T
+    return ca.vertcat(
+        *[ca.if_else(determined(item, task, R), x[k], np.nan) for k, item in enumerate(task)]
+    )
 
 
 def angle_over_sine(s2: ca.SX, c: ca.SX) -> ca.SX:

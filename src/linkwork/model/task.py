@@ -9,6 +9,7 @@ farther away these may move along, parasitically).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -16,11 +17,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.equations import Equations, body_motion, functions
+from linkwork.equations.task import told
 from linkwork.errors import LinkworkError
+from linkwork.kernels import Kernel
 from linkwork.mechanism import TurnAbout
 from linkwork.mechanism.task import NAMES, TaskCoordinate, label, labels
 from linkwork.model import checks
-from linkwork.model.asked import TWIST_ROWS, ToolAsked, long_name, task_kernel
+from linkwork.model.asked import TWIST_ROWS, ToolAsked, long_name
+from linkwork.model.charts import CompiledChart
+from linkwork.model.directly import DirectCalls
 from linkwork.model.labels import POSES
 
 if TYPE_CHECKING:
@@ -53,6 +58,7 @@ def task_of(robot: Model, near: bool = True) -> Task:
         LinkworkError: no tool; a stated task that is not one of this robot, or depends on itself;
             none stated and none plain.
     """
+    robot.require_tool()
     found = task_if_any(robot, near)
     if found is None:
         raise LinkworkError(not_plain(robot))
@@ -248,27 +254,29 @@ def asked_of(robot: Model, size: int, what: Sequence[str] | None = None) -> Tool
 
 def values(robot: Model, q: np.ndarray, task: Task, p: np.ndarray | None = None) -> np.ndarray:
     """Return the task coordinates (..., k) of configurations (..., nq), whole rotation vectors
-    included; p: free parameters, the robot's own if left out."""
-    asked, kernel = robot.once(asked_in, task), robot.chart.compiled("tool frame", tool_frame)
-    own = robot.p if p is None else p
-    if q.ndim == own.ndim == 1:
-        pose = kernel.flat(q, own)
-        return asked.told(task_kernel(asked.held).flat(pose, np.zeros(6))[: len(task)])
-    (pose,) = kernel(q.reshape(-1, q.shape[-1]), own)
-    parts = {"position": pose[:, :3], "orientation": pose[:, 3:12], "angle": pose[:, 12:]}
-    found = asked.told(asked.mapped(parts)[0])
-    return found.reshape(*q.shape[:-1], len(task))
+    included, NaN where they are not determined; p: free parameters, the robot's own if left
+    out."""
+    return values_kernel(robot.chart, task)(q, robot.p if p is None else p)[0]
 
 
-def asked_in(robot: Model, task: Task) -> ToolAsked:
-    """Return what values of task coordinates ask for."""
-    return ToolAsked(task, robot.equations.tree.length, robot.planar)
+def values_directly(robot: Model, task: Task) -> DirectCalls:
+    """Return the shortest calls of task coordinates at one state."""
+    kernel = partial(values_kernel, task=task)
+    return DirectCalls(
+        robot.coordinates, robot.charts, kernel, lambda found, _: (0, (found.outputs[0][1],))
+    )
 
 
-def tool_frame(equations: Equations) -> ca.Function:
-    """Return q -> the first tool's position, orientation row by row, and angle in the plane."""
-    pose = ca.vertcat(*body_motion.tool_pose(equations.tree, equations.mechanism.first_tool))
-    return functions.function("tool_frame", equations, {"pose": pose})
+@lru_cache(maxsize=256)
+def values_kernel(chart: CompiledChart, task: Task) -> Kernel:
+    """Return the kernel of q -> the task coordinates (k), and 1."""
+
+    def made(equations: Equations) -> ca.Function:
+        pose = ca.vertcat(*body_motion.tool_pose(equations.tree, equations.mechanism.first_tool))
+        outputs = {"x": told(task, pose), "one": ca.SX(1)}
+        return functions.function("task_values", equations, outputs)
+
+    return chart.compiled(f"values of {task}", made).given(chart.p)
 
 
 def asked(robot: Model, tool: ArrayLike | Mapping[str, ArrayLike]) -> tuple[ToolAsked, np.ndarray]:

@@ -15,12 +15,12 @@ from linkwork.mechanism.task import TaskCoordinate, labels
 from linkwork.model import dexterity, evaluation, limits, task
 from linkwork.model.model import Model
 from linkwork.model.state import State
+from linkwork.model.tool_motion import led
 from linkwork.runs.endings import passed_limits
 from linkwork.simulation import Run
 
 if TYPE_CHECKING:
     from linkwork.gradients.records import ClosureDerivatives, ToolDerivatives
-    from linkwork.model.tool_motion import LedMotion, ToolMotion
 
 
 class Kinematics(Model):
@@ -38,9 +38,7 @@ class Kinematics(Model):
 
     def joint_rates(self, state: State) -> np.ndarray:
         """Return the rates of all joints (..., m) [m/s, rad/s], in the order of `rates`."""
-        found = self.directly("joints_motion").at(state, np.zeros(self.mobility))
-        given = 0 * self.own(state).rates if found is None else None
-        return (found or evaluation.told(self, "joints_motion", state, given))[1]
+        return self._steady("joints_motion", state)[1]
 
     def joint_accelerations(self, state: State, accelerations: ArrayLike) -> np.ndarray:
         """Return the accelerations of all joints (..., m) for those of the independent rates, L v'
@@ -100,8 +98,15 @@ class Kinematics(Model):
             state: one or a stack.
             what: names of coordinates, of the task or of any pose, such as "torsion" or "rx": how
                 these move along (parasitic motion); those of the `task` if left out.
+
+        Returns:
+            The values; NaN of those that a pose does not determine: azimuth, torsion and tilts at a
+            tilt of half a turn, roll and yaw at a pitch of a quarter turn, an azimuth without its
+            tilt where the tool is upright.
         """
-        return task.values(self, self.own(state).q, self._task(what))
+        asked = self._task(what)
+        found = self.once(task.values_directly, asked).at(state)
+        return task.values(self, self.own(state).q, asked) if found is None else found
 
     def jacobian(self, state: State, what: Sequence[str] | None = None) -> np.ndarray:
         """Return the task Jacobian J (..., k, n) of the tool: x' = J v.
@@ -116,11 +121,11 @@ class Kinematics(Model):
             LinkworkError: coordinates without rates at the pose, such as an azimuth where the tool
                 is upright; a configuration where the rates do not determine the motion.
         """
-        return self._led(state, what).jacobian
+        return self._led(state, what)[0]
 
     def task_rates(self, state: State, what: Sequence[str] | None = None) -> np.ndarray:
         """Return x' = J v (..., k) [m/s, rad/s] of the tool's task coordinates; as `jacobian`."""
-        return self._led(state, what).rates
+        return self._led(state, what)[1]
 
     def task_accelerations(
         self,
@@ -130,19 +135,19 @@ class Kinematics(Model):
     ) -> np.ndarray:
         """Return x'' = J v' + J' v (..., k) [m/s^2, rad/s^2] of the tool's task coordinates, for
         accelerations v' (..., n) of the state's `independent` rates; as `jacobian`."""
-        return self._led(state, what, accelerations).accelerations
+        return self._led(state, what, accelerations)[2]
 
     def tool_twist(self, state: State) -> np.ndarray:
         """Return the tool's twist [omega; v of its origin] (..., 6) [rad/s, m/s], in the axes of
         the ground, or of the body that it is relative to."""
-        return self._tool_motion(state).twist
+        return self._tool_motion(state, None)[2]
 
     def tool_acceleration(
         self, state: State, accelerations: ArrayLike | Mapping[str, ArrayLike]
     ) -> np.ndarray:
         """Return [alpha; a of its origin] (..., 6) [rad/s^2, m/s^2] of the tool, the derivative of
         its twist, for accelerations v' (..., n) of the state's `independent` rates."""
-        return self._tool_motion(state, accelerations).acceleration
+        return self._tool_motion(state, accelerations)[3]
 
     def closure_derivatives(self, state: State, *, threads: int | None = 1) -> ClosureDerivatives:
         """Return how the coordinates and rates of all joints follow the independent ones and the
@@ -170,17 +175,21 @@ class Kinematics(Model):
         """
         return derivatives.tool_derivatives(self, state, threads)
 
-    def _tool_motion(self, state: State, accelerations: Any = None) -> ToolMotion:
-        from linkwork.model.tool_motion import tool_motion
+    def _steady(self, name: str, state: State) -> tuple[np.ndarray, ...]:
+        """Return what a kernel tells of rates that do not change."""
+        found = self.directly(name).at(state, np.zeros(self.mobility))
+        return found or evaluation.told(self, name, state, 0 * self.own(state).rates)
 
+    def _tool_motion(self, state: State, accelerations: Any) -> tuple[np.ndarray, ...]:
+        self.require_tool()
         if accelerations is None:
-            return tool_motion(self, state)
-        return tool_motion(self, state, accelerations)
+            return self._steady("tool_motion", state)
+        return evaluation.told(self, "tool_motion", state, accelerations)
 
     def _led(
         self, state: State, what: Sequence[str] | None, accelerations: Any = None
-    ) -> LedMotion:
-        return self._tool_motion(state, accelerations).led(self._task(what))
+    ) -> tuple[np.ndarray, ...]:
+        return led(self, state, self._task(what), accelerations)
 
     def _task(self, what: Sequence[str] | None) -> task.Task:
         return task.named(self, what)
