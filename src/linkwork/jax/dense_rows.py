@@ -15,7 +15,7 @@ from linkwork.kernels.machine import Machine
 from linkwork.kernels.stored_states import LONG
 
 SHORT = 4000  # operations of kernels whose rows take a part of the time that is felt
-SUMS = 3  # that the processor makes at a time
+TOGETHER, SUMS = 4, 8  # blocks that are looked at in a turn, and sums that grow side by side
 
 
 def chunk_text(kernel: Kernel, weighed: bool, bound: float, machine: Machine) -> str:
@@ -51,19 +51,22 @@ def chunk_text(kernel: Kernel, weighed: bool, bound: float, machine: Machine) ->
     # Sums of 0 y, which take turns, and whether pivots are strong.
     lines.label("block")
     lines.do("%number = phi i64 [ 0, %evaluate ], [ %number.next, %block ]")
-    sums = min(SUMS, size)
+    sums = min(SUMS, TOGETHER * size)
     told = {f"sum.{k}": (V, "zeroinitializer") for k in range(sums)}
     told |= {"strong": (lines.truth, lines.always)} if weighed else {}
     for name, (kind, begin) in told.items():
         lines.do(f"%{name} = phi {kind} [ {begin}, %evaluate ], [ %{name}.next, %block ]")
     first = lines.let(f"mul i64 %number, {size * machine.lanes}")
     rows = lines.let(f"getelementptr inbounds double, ptr %rows, i64 {first}")
-    _sum(lines, rows, size, sums)
+    _sum(lines, rows, TOGETHER * size, sums)
+    strong = "%strong"
+    for k in range(TOGETHER * weighed):
+        pivot = lines.call("fabs", lines.load("%pivots", lines.let(f"add i64 %number, {k}")))
+        own = lines.compare("ogt", pivot, lines.constant(bound))
+        strong = lines.let(f"and {lines.truth} {strong}, {own}")
     if weighed:
-        pivot = lines.call("fabs", lines.load("%pivots", "%number"))
-        strong = lines.compare("ogt", pivot, lines.constant(bound))
-        lines.do(f"%strong.next = and {lines.truth} %strong, {strong}")
-    lines.do("%number.next = add i64 %number, 1")
+        lines.do(f"%strong.next = and {lines.truth} {strong}, {lines.always}")
+    lines.do(f"%number.next = add i64 %number, {TOGETHER}")
     more = lines.let(f"icmp slt i64 %number.next, {CHUNK // machine.lanes}")
     lines.do(f"br i1 {more}, label %block, label %done")
     # At the end whether all sums are zero.
