@@ -8,6 +8,7 @@ import linkwork as lw
 from linkwork import analysis
 
 from tests.oracle.scaling import Scale
+from tests.products import sampled
 
 SCALES = [(1e-6, 1e-6), (1e6, 1e6)]
 MADE = {
@@ -24,9 +25,9 @@ def pair(name, L, M):
     return scale, lw.Robot(MADE[name]), lw.Robot(scale.mechanism)
 
 
-@pytest.mark.parametrize(("L", "M"), SCALES)
-@pytest.mark.parametrize("name", ["pendulum", "double_pendulum"])
-def test_equilibria_and_their_vibrations_are_the_same(name, L, M):
+@pytest.mark.parametrize(("units", "name"), sampled(SCALES, ["pendulum", "double_pendulum"]))
+def test_equilibria_and_their_vibrations_are_the_same(units, name):
+    L, M = units
     scale, plain, robot = pair(name, L, M)
     expected, found = (analysis.equilibria(one, starts=6) for one in (plain, robot))
     assert [one.stable for one in found] == [one.stable for one in expected]
@@ -65,9 +66,11 @@ def test_a_parallel_robot_is_held_vibrates_and_yields_the_same(L, M):
     )
 
 
-@pytest.mark.parametrize(("L", "M"), SCALES)
-@pytest.mark.parametrize(("name", "tool"), [("five_bar", None), ("rpr3", (0.5, 0.3, 0.9))])
-def test_the_same_starts_end_in_the_same_modes(name, tool, L, M):
+@pytest.mark.parametrize(
+    ("units", "led"), sampled(SCALES, [("five_bar", None), ("rpr3", (0.5, 0.3, 0.9))])
+)
+def test_the_same_starts_end_in_the_same_modes(units, led):
+    (L, M), (name, tool) = units, led
     scale, plain, robot = pair(name, L, M)
     lengths = [L, L, 1.0][: plain.mobility]
     pose = plain.tool_pose(plain.home)[: plain.mobility] if tool is None else np.array(tool)
@@ -154,9 +157,12 @@ def test_a_cart_reaches_two_pendulums_unless_they_are_alike(length, expected, dr
     assert model.controllable is (expected or len(driven) == 2)
 
 
-@pytest.mark.parametrize(("L", "M", "T"), [(1e-6, 1e-6, 1e4), (1e6, 1e6, 1e-4), (1e-6, 1.0, 1e-4)])
-@pytest.mark.parametrize("name", ["five_bar", "rpr3"])
-def test_the_same_parameters_are_seen_excited_and_identified(name, L, M, T):
+@pytest.mark.parametrize(
+    ("units", "name"),
+    sampled([(1e-6, 1e-6, 1e4), (1e6, 1e6, 1e-4), (1e-6, 1.0, 1e-4)], ["five_bar", "rpr3"]),
+)
+def test_the_same_parameters_are_seen_excited_and_identified(units, name):
+    L, M, T = units
     mechanism = MADE[name]
     scale = Scale(mechanism, L, M, T)
     plain, robot = lw.Robot(mechanism), lw.Robot(scale.mechanism)

@@ -168,7 +168,8 @@ def garbled(text):
     """Yield the document with each attribute in turn replaced or missing, each element left out,
     doubled or renamed, and each text replaced or missing.
 
-    An attribute meets a third of the words, of many elements a ninth, the next one the next.
+    An attribute, and a text, meets a third of the words, of many elements a ninth, the next one
+    the next.
     """
     turn = 0
     count = len(list(ET.fromstring(text).iter()))
@@ -191,7 +192,8 @@ def garbled(text):
         element = list(root.iter())[place]
         if element.text and element.text.strip():
             own = element.text
-            for word in WORDS:
+            turn += 1
+            for word in WORDS[turn % apart :: apart]:
                 element.text = word
                 yield ET.tostring(root)
             element.text = own

@@ -14,7 +14,7 @@ from linkwork.gradients.derivatives import derivative_kernel, require_finite
 from linkwork.model.checks import SingularError
 from linkwork.robots import five_bar, prr3
 
-from tests.catalogue import built
+from tests.catalogue import WHOLE, built
 
 RNG = np.random.default_rng(4)
 STEPS = 4e-3, 2e-3, 1e-3
@@ -89,7 +89,7 @@ def test_forces_of_more_actuators_than_freedoms():
         near(found.by_accelerations[:, k], difference(lambda s, unit=unit: forces(da=s * unit)))
 
 
-@pytest.mark.parametrize("name", ["prr3", "stewart"])
+@pytest.mark.parametrize("name", ["prr3", "rrs3", *["stewart"] * WHOLE])
 def test_stacks_are_their_states(name):
     robot = built(name)
     states, u = moving(robot, 5)

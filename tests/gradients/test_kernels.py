@@ -14,7 +14,7 @@ from linkwork.equations.algebra import dense
 from linkwork.equations.linear import derivatives
 from linkwork.gradients.compilation import drift, expressed
 
-from tests.catalogue import SAMPLE
+from tests.catalogue import SAMPLE, WHOLE
 from tests.gradients.complex_step import ComplexSteps, in_complex_numbers
 from tests.oracle.random_joints import curved, random_loops, random_tree
 from tests.robot.test_bearings import journal, slide
@@ -33,8 +33,10 @@ CASES = {name: getattr(lw.robots, name) for name in lw.robots.__all__} | {
     "loop closed by a free joint": partial(random_loops, 8, 1, effects=True, platform="free"),
     "planar loops": lambda: curved(random_loops(5, 2, planar=True, effects=True, rods=1, gears=1)),
 }
-RANDOM = [name for name in CASES if name not in lw.robots.__all__]
-FEW = "four_bar", "prr3", "loop closed by a free joint"
+# Rods, gears and what acts are in planar loops, in trees and in the other loops in space, too.
+LARGE = ("loops with everything",)
+RANDOM = [name for name in CASES if name not in lw.robots.__all__ and (WHOLE or name not in LARGE)]
+FEW = "four_bar", "prr3", "bennett", *["loop closed by a free joint"] * WHOLE
 
 
 @cache
@@ -104,7 +106,7 @@ def test_steps_and_gradients_are_those_of_the_jacobian(name, what):
         assert near(ours.ravel(), part.T @ weights, 1e-10)
 
 
-@pytest.mark.parametrize("name", ["five_bar", "stewart", "loop closed by a free joint"])
+@pytest.mark.parametrize("name", ["five_bar", "loop closed by a free joint", *["stewart"] * WHOLE])
 def test_every_chart_beside_complex_steps(name):
     """Dynamics and drift in the chart that has as many other rates as it can."""
     equations, (q, v, p) = made(name)

@@ -17,6 +17,7 @@ from linkwork.gym.catalogue import balancing, reaching, swinging_up
 from linkwork.robots import prr3
 
 from tests.processes import finished
+from tests.products import sampled
 
 READY = {
     "Linkwork/Reach-v0": reaching,
@@ -40,8 +41,7 @@ def test_a_registered_environment_passes_the_check(name):
     check_env(gymnasium.make(name).unwrapped)
 
 
-@pytest.mark.parametrize("mode", AutoresetMode)
-@pytest.mark.parametrize("name", READY)
+@pytest.mark.parametrize(("name", "mode"), sampled(tuple(READY), tuple(AutoresetMode)))
 def test_many_do_what_gymnasium_makes_of_single_ones(name, mode):
     """Gymnasium's own vector of single environments is the standard, for each way to begin
     anew."""

@@ -14,7 +14,7 @@ from tests.hostile.starts import NoStart, Start, start
 from tests.hostile.tasks import TASKS, Setting, refusal_holds
 
 EVERY = os.environ.get("LINKWORK_HOSTILE") == "all"
-CASES = [*cases()] if EVERY else [*cases(SAMPLED, 6)]
+CASES = [*cases()] if EVERY else [*cases(SAMPLED, 3)]
 
 
 @pytest.mark.parametrize(

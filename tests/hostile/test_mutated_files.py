@@ -13,7 +13,7 @@ import pytest
 
 from tests.processes import PATIENCE, finished
 
-FILES, SAMPLE, AT_ONCE = 20_000, 300, 2_500
+FILES, SAMPLE, AT_ONCE = 20_000, 150, 2_500
 MEMORY = 500  # MB of the process that reads
 ALL = os.environ.get("LINKWORK_HOSTILE") == "all"
 FIRST = range(0, FILES, AT_ONCE) if ALL else range(1)
