@@ -13,7 +13,7 @@ Source: Featherstone 2008, sec. 5.3 and 6.2; the paper, Eqs. (10)-(12).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import casadi as ca
 
@@ -95,23 +95,38 @@ def inertia_forces(
     omega = tree.angular_velocities(rates)
     moved = None if accelerations.is_zero() else accelerations
     alpha, a = tree.accelerations(omega, rates, moved, -gravity)
-    forces, moments = [zero() for _ in tree.nodes], [zero() for _ in tree.nodes]
-    for index, (moment, force) in (applied or {}).items():
-        moments[index], forces[index] = -moment, -force
-    h_tree = SX.zeros(len(tree.rates))
+    wrenches = {index: (-moment, -force) for index, (moment, force) in (applied or {}).items()}
+    return carried_inward(tree, wrenches, lambda node: node_wrench(node, omega, alpha, a))
+
+
+def carried_inward(
+    tree: Tree, wrenches: Wrenches, own: Callable[[Node], tuple[ca.SX, ca.SX]] | None = None
+) -> ca.SX:
+    """Return the joint forces (nv x 1) of wrenches on nodes, added up from the tips inward.
+
+    wrenches: (moment about the node's origin, force) by index, in the nodes' axes; own: gives those
+    of each node that come on top
+    """
+    carried, h = dict(wrenches), SX.zeros(len(tree.rates))
     for node in reversed(tree.nodes):
-        i = node.index
-        moment, force = node_wrench(node, omega, alpha, a)
-        forces[i] += force
-        moments[i] += moment
-        N, F = (convert(x, node.axes, node.column_axes) for x in (moments[i], forces[i]))
+        if own is not None:
+            add(carried, node.index, *own(node))
+        if node.index not in carried:
+            continue
+        wrench = carried[node.index]
+        N, F = (convert(x, node.axes, node.column_axes) for x in wrench)
         for column in node.columns:
-            h_tree[column.rate] = along(node, column, N, F)
+            h[column.rate] = along(node, column, N, F)
         if node.parent >= 0:
-            N, F = (convert(x, node.axes, node.before) for x in (moments[i], forces[i]))
-            forces[node.parent] += F
-            moments[node.parent] += N + cross(node.r, F)
-    return h_tree
+            N, F = (convert(x, node.axes, node.before) for x in wrench)
+            add(carried, node.parent, N + cross(node.r, F), F)
+    return h
+
+
+def add(wrenches: dict[int, tuple[ca.SX, ca.SX]], index: int, moment: ca.SX, force: ca.SX) -> None:
+    """Add moment and force to what acts on a node."""
+    before = wrenches.get(index, (zero(), zero()))
+    wrenches[index] = before[0] + moment, before[1] + force
 
 
 def node_wrench(

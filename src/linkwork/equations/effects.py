@@ -29,7 +29,8 @@ from dataclasses import dataclass
 import casadi as ca
 
 from linkwork.equations import contact, fluid
-from linkwork.equations.algebra import SX, Number, cross, dot, present, vector, zero
+from linkwork.equations.algebra import SX, Number, cross, dot, present, vector
+from linkwork.equations.dynamics import add
 from linkwork.equations.impact import Pressing
 from linkwork.equations.joint_map import JointMap, derivative
 from linkwork.equations.tree import Node, Tree, near_offset
@@ -290,15 +291,19 @@ def point_wrenches(
         for sign, node, arm in zip((1, -1), pull.nodes, pull.arms, strict=True):
             if node.index >= 0:
                 force = ca.mtimes(node.axes.matrix.T, sign * pulled)
-                add(wrenches, node, cross(arm, force), force)
+                add(wrenches, node.index, cross(arm, force), force)
     for node, arm, force in lifted(mechanism, tree):
         near = ca.mtimes(node.axes.matrix.T, force)
-        add(wrenches, node, cross(arm, near), near)
+        add(wrenches, node.index, cross(arm, near), near)
     acting = [touch.wrenches() for touch in contact.touching(mechanism, tree, rates, strains)]
     acting += [(of.wrench,) for of in fluid.resisting(mechanism, tree, rates)]
     for wrenches_there in acting:
         for node, moment, force in wrenches_there:
-            add(wrenches, node, *(ca.mtimes(node.axes.matrix.T, part) for part in (moment, force)))
+            add(
+                wrenches,
+                node.index,
+                *(ca.mtimes(node.axes.matrix.T, part) for part in (moment, force)),
+            )
     return wrenches
 
 
@@ -312,12 +317,6 @@ def lifted(mechanism: Mechanism, tree: Tree) -> Iterator[tuple[Node, ca.SX, ca.S
             near_offset(node, vector(lift.point)),
             -lift.mass * SX(vector(mechanism.gravity)),
         )
-
-
-def add(wrenches: dict[int, tuple[ca.SX, ca.SX]], node: Node, moment: ca.SX, force: ca.SX) -> None:
-    """Add moment and force to what acts on a node."""
-    before = wrenches.get(node.index, (zero(), zero()))
-    wrenches[node.index] = before[0] + moment, before[1] + force
 
 
 def stored(mechanism: Mechanism, tree: Tree) -> ca.SX:

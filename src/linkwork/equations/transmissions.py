@@ -6,7 +6,8 @@
     thrust         no length (x = 0)                  a wrench that moves with its body
 
 The row J (1 x nv) of the rate x' = J w follows from the forces, by their power: J = sum ratio_i J_i
-+ sum_k W_k' J_k, with the wrenches W_k on bodies, whose twists are J_k w.
++ sum_k W_k' J_k, with the wrenches W_k on bodies, whose twists are J_k w. These are added up from
+the tips of the tree inward, so that no J_k is ever formed.
 """
 
 from __future__ import annotations
@@ -17,10 +18,10 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import SX, vector
+from linkwork.equations.algebra import SX, cross, vector
 from linkwork.equations.cables import way
 from linkwork.equations.displacements import measured
-from linkwork.equations.jacobians import jacobian
+from linkwork.equations.dynamics import add, carried_inward
 from linkwork.equations.tree import Tree, near_offset, offset
 from linkwork.mechanism import (
     GROUND,
@@ -51,9 +52,17 @@ class Along:
         J = SX(1, len(tree.rates))
         for label, ratio in self.ratios.items():
             J += ratio * rate_row(label)
+        return J + self._of_wrenches(tree) if self.wrenches else J
+
+    def _of_wrenches(self, tree: Tree) -> ca.SX:
+        """Return sum_k W_k' J_k (1 x nv)."""
+        on_nodes: dict[int, tuple[ca.SX, ca.SX]] = {}
         for body, arm, wrench in self.wrenches:
-            J += ca.mtimes(wrench.T, jacobian(tree, tree.node(body), arm))
-        return J
+            node = tree.node(body)
+            near = ca.mtimes(node.axes.matrix.T, ca.reshape(wrench, 3, 2))
+            moment, force = ca.horzsplit(near)
+            add(on_nodes, node.index, moment + cross(arm, force), force)
+        return ca.sparsify(carried_inward(tree, on_nodes)).T
 
 
 def along(line: Transmission, tree: Tree, position: Callable[[str], ca.SX]) -> Along:
