@@ -465,9 +465,10 @@ def test_axes_that_are_parallel_but_for_rounding_leave_nothing_open_that_counts(
         )
 
 
-def floating_arm(**more: Any) -> lw.Robot:
-    """Return a hinge and a slide, or another hinge, on a base that floats."""
-    inertia, pin = lw.Inertia(xx=0.02, yy=0.03, zz=0.04), journal(0.2, 0.03, **more)
+def floating_arm() -> lw.Robot:
+    """Return a hinge and a slide on a base that floats."""
+    inertia = lw.Inertia(xx=0.02, yy=0.03, zz=0.04)
+    pin = lw.JournalBearing(friction=rubs(0.2, 1e-3), radius=0.03)
     bodies = {
         name: lw.Body(mass=mass, inertia=inertia, centre_of_mass=(aside, 0.0, 0.0))
         for name, mass, aside in (("base", 2.0, 0.02), ("upper", 1.0, 0.2), ("lower", 0.7, 0.3))

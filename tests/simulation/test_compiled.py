@@ -5,6 +5,7 @@ import ast
 import importlib
 import importlib.util
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from linkwork.simulation import (
     native_rosenbrock,
 )
 from linkwork.simulation.compiled import compiled_once, fingerprint
+from linkwork.simulation.structures import Structure, at
 
 from tests.processes import finished
 
@@ -129,6 +131,47 @@ def test_modules_may_be_imported_in_any_order(monkeypatch):
         monkeypatch.setattr(compiled, "TAUGHT", taught)
         found.append(([each.__module__ for each in taught], fingerprint(loop.py_func)))
     assert found[0][0] != found[1][0] and found[0][1] == found[1][1]
+
+
+def test_code_is_compiled_anew_where_a_structure_that_it_reads_has_other_fields():
+    """A run's memory of another release: code that took its old places would read beside it."""
+
+    class Course(NamedTuple):
+        first: int
+        second: int
+
+    class Turned(NamedTuple):
+        second: int
+        first: int
+
+    class Memory:
+        count: int
+        course: Course
+
+    class Grown:
+        more: float
+        count: int
+        course: Course
+
+    class Exchanged:
+        count: int
+        course: Turned
+
+    found = []
+    for layout in (Memory, Memory, Grown, Exchanged):
+        layout.__name__ = "Memory"
+        memory = at(Structure(layout))
+        found.append(fingerprint(reader(memory)))
+    assert found[0] == found[1] and len({*found}) == 3
+
+
+def reader(memory):
+    """Return a function that reads a structure."""
+
+    def read(place):
+        return memory(place).count
+
+    return read
 
 
 def test_runs_without_events_do_not_load_the_search_for_them(monkeypatch):

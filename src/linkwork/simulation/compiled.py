@@ -223,7 +223,7 @@ def taught(python: Callable, result: types.Type, *arguments: types.Type) -> Call
 
 def fingerprint(function: Callable) -> str:
     """Return a digest of a function's code, of that of all functions and constants that it names,
-    and they name, and of how they are compiled, here.
+    and they name, of the structures that these read and write, and of how they are compiled, here.
 
     Operators are not named: those count that are taught in the modules of these functions.
     """
@@ -256,6 +256,8 @@ def _gather(function: Callable, parts: dict[Callable, list[object]]) -> None:
                 part += [name, value]
             elif isinstance(value, np.ndarray):
                 part += [name, value.tolist()]
+            elif isinstance(value, types.Type) or hasattr(value, "_fields"):
+                part += [name, str(value), getattr(value, "_fields", ())]
             else:
                 _gather(_python(value), parts)
 

@@ -26,7 +26,8 @@ class Structure(types.Type):
     def __init__(self, layout: type):
         self.fields = {name: numba_type(kind) for name, kind in layout.__annotations__.items()}
         self.words = sum(getattr(kind, "count", 1) for kind in self.fields.values())
-        super().__init__(name=f"{layout.__name__}{self.fields}")
+        parts = [getattr(kind, "_fields", ()) for kind in layout.__annotations__.values()]
+        super().__init__(name=f"{layout.__name__}{self.fields}{parts}")
 
     @property
     def mangling_args(self):
