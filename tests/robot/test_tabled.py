@@ -6,6 +6,7 @@ import ctypes
 
 import numpy as np
 import pytest
+from numba import types
 
 import linkwork as lw
 from linkwork.control import Event, Lag, Sampler, Wrench
@@ -16,6 +17,7 @@ from linkwork.model import charts
 from linkwork.model.tabled import tabled, varying
 from linkwork.runs.system import system
 from linkwork.simulation import partitioned
+from linkwork.simulation.compiled import compiled_once
 from linkwork.simulation.vectors import LANES
 
 from tests.oracle.random_joints import random_loops
@@ -60,9 +62,14 @@ def test_pivots_that_vary_are_those_that_count():
         assert varying(robot.equations.chart, robot.equations.rows.pattern) == traced
 
 
+@compiled_once("a positive matrix for the tests", types.void(*[types.float64[::1]] * 2))
+def solved_positive(M, b):
+    partitioned.solved_positive(M, b.size, b)
+
+
 def test_a_singular_inertia_is_not_finite():
     M, b = np.outer([1.0, 2.0], [1.0, 2.0]), np.ones(2)
-    partitioned.solved_positive(M.ravel(), 2, b)
+    solved_positive(M.ravel(), b)
     assert not np.isfinite(b).all()
 
 

@@ -24,9 +24,8 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from numba import cfunc, njit, types
+from numba import njit, types
 
-from linkwork.patience import announced
 from linkwork.simulation.abreast import (
     ROWS,
     bounded,
@@ -37,7 +36,7 @@ from linkwork.simulation.abreast import (
     within,
     zero,
 )
-from linkwork.simulation.compiled import ARITHMETIC
+from linkwork.simulation.compiled import OPTIONS, address_of, compiled_once
 from linkwork.simulation.pointers import POINTER
 
 HIDDEN = 1e-13  # part of a product that rounding hides
@@ -47,7 +46,7 @@ INVERSE = 9  # numbers of the largest block's inverse
 ONE, WIDE = types.void(POINTER, POINTER, POINTER), types.void(ROWS, ROWS, POINTER)
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def sized(t):
     """Return nq, nv, n, d, rows, inputs, parameters, blocks; `acts` has the others."""
     return (
@@ -62,7 +61,7 @@ def sized(t):
     )
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def inverted(W, width, k, size, inverse):
     """Invert a block of up to three rows and columns by cofactors; return its determinant."""
     a = W[k * width + k]
@@ -85,7 +84,7 @@ def inverted(W, width, k, size, inverse):
     return det
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def eliminated(t, Phi, W):
     """Fill W (d x (d + n + d)) with [1, L_d, Phi_u^-1] in the order of elimination; return the
     weakest relative pivot.
@@ -136,7 +135,7 @@ def eliminated(t, Phi, W):
     return found
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def opened(t, q, p, W, work):
     """Evaluate phi, Phi and the largest gap into the work, from its number nq + parameters on, and
     eliminate; return the weakest relative pivot.
@@ -151,7 +150,7 @@ def opened(t, q, p, W, work):
     return eliminated(t, found + rows, W)
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def whole(t, W, v, w):
     """Fill w = L v (nv)."""
     _, _, n, d, _, _, _, _ = sized(t)
@@ -166,7 +165,7 @@ def whole(t, W, v, w):
         w[int(columns[i])] = total
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def decomposed(M, n):
     """Replace the diagonal and the lower triangle of a symmetric positive M (n x n) by D and L of
     M = L D L'; return how much of M is lost in rounding, below HIDDEN**-2 where it is regular."""
@@ -185,7 +184,7 @@ def decomposed(M, n):
     return lost
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def solved(M, n, b):
     """Replace b by the solution of M x = b, of which M holds D and L."""
     for j in range(n):
@@ -198,7 +197,7 @@ def solved(M, n, b):
             b[j] -= M[k * n + j] * b[k]
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def solved_positive(M, n, b):
     """Replace b by the solution of M x = b for a symmetric positive M (n x n); not finite where M
     is singular but for rounding."""
@@ -207,13 +206,13 @@ def solved_positive(M, n, b):
     b[0] = bounded(lost, HIDDEN**-2, b[0])
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def acts(t):
     """Return numbers of the states z and the parameters of what acts."""
     return int(t[8]), int(t[9])
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def in_tree(t, x, W, work):
     """Fill work with (q, w, inputs, parameters) from x = (q, v, inputs, parameters); return the
     weakest relative pivot."""
@@ -227,7 +226,7 @@ def in_tree(t, x, W, work):
     return pivot
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def biased(t, W, gamma, b):
     """Fill b_d (d) in the order of elimination."""
     _, _, n, d, _, _, _, _ = sized(t)
@@ -238,7 +237,7 @@ def biased(t, W, gamma, b):
             b[i] -= W[i * width + d + n + j] * gamma[int(kept[j])]
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def reduced(t, W, H, HL, M):
     """Fill HL (d x n) with H_dd L_d + H_da, and the upper triangle of M (n x n) with
     H_aa + H_ad L_d + L_d' (H_dd L_d + H_da)."""
@@ -264,7 +263,7 @@ def reduced(t, W, H, HL, M):
                 M[i * n + j] += factor * W[k * width + d + j] + coupled * HL[k * n + j]
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def accelerated(t, W, H, forces, b, result):
     """Take H b from the forces (nv), and fill the result (n) with L' (forces - H b)."""
     _, nv, n, d, _, _, _, _ = sized(t)
@@ -399,14 +398,9 @@ def entry(name: str, wide: bool = False) -> int:
 def compiled_entry(function: Callable, kind: Any) -> int:
     """Return the address of a compiled function; compiled once on a machine where Numba can keep
     it."""
-    with announced("compiling the elimination that charts share"):
-        try:
-            compiled = cfunc(kind, cache=True, **ARITHMETIC)(function)
-        except RuntimeError:  # Numba found no folder that it may write to
-            compiled = cfunc(kind, **ARITHMETIC)(function)
+    compiled = compiled_once("the elimination that charts share", kind)(function)
     KEPT.append(compiled)
-    assert compiled.address is not None
-    return compiled.address
+    return address_of(compiled)
 
 
 KEPT: list[object] = []  # code lives as long as what Numba returned for it

@@ -17,7 +17,7 @@ from functools import cache
 from numba import njit
 
 from linkwork.simulation.abreast import beside, evaluate, room, within
-from linkwork.simulation.compiled import ARITHMETIC
+from linkwork.simulation.compiled import OPTIONS
 from linkwork.simulation.partitioned import (
     ADDRESSES,
     ONE,
@@ -38,7 +38,7 @@ from linkwork.simulation.vectors import LANES
 TURNING, SLOPES = SIZES + 2, SIZES + 3  # places of two addresses more in the table
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def directed(t, W, turned, X, first):
     """Set the directions in the lanes of the rows X (nq + nv + inputs): unit vectors of
     (q, v, inputs) from the number `first` on, with the rates dw of the tree that belong to them.
@@ -68,7 +68,7 @@ def directed(t, W, turned, X, first):
                 X[(nq + int(columns[i])) * LANES + lane] = total
 
 
-@njit(**ARITHMETIC)
+@njit(**OPTIONS)
 def answered(t, W, H, M, E, b, r):
     """Fill the rows r (n) with dv' for each lane.
 
