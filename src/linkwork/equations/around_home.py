@@ -90,8 +90,9 @@ def closed_samples(
     if doubtful and (fewer := held(tree, rows, starts())) is not None:
         return closed_samples(joints, fewer, start, starts)
     # A reference that has the rank of its neighbours will do; else one is looked for beside it.
-    rank = len(independent_rows(samples[1]))
-    if len(independent_rows(samples[1][:1])) == rank:
+    own = len(independent_rows(samples[1][:1]))
+    rank = own if own == len(rows.names) else len(independent_rows(samples[1]))
+    if own == rank:
         return ClosedSamples(rows, *samples, (*moved_notes(joints, reference), *rounded))
     beside = bent(tree, rows, reference, rank)
     if beside is None:
@@ -142,7 +143,8 @@ def held(tree: Tree, rows: ClosureRows, starts: Iterable[np.ndarray]) -> Closure
 def nearly_dependent(Phi: np.ndarray) -> bool:
     """Tell whether some rows depend on others but for rounded numbers: where such rows close, it is
     far off by chance."""
-    return len(reflect(Phi, DEPENDENT).rows) > len(reflect(Phi, ROUNDED_RANK).rows)
+    plain = len(reflect(Phi, ROUNDED_RANK).rows)
+    return plain < len(Phi) and len(reflect(Phi, DEPENDENT).rows) > plain
 
 
 def unheld_notes(

@@ -239,7 +239,7 @@ def effects(
     e = convert(lines, this.node.axes, axes)
     moved = ca.mtimes(e.T, velocity)
     turned = ca.mtimes(e.T, column.z) if turns else SX.zeros(len(rows))
-    found = moved[list(places)]
+    found = moved if len(places) == len(rows) else moved[list(places)]
     for place, k in enumerate(places):
         row = rows[k]
         if row.length is not None:
@@ -293,7 +293,8 @@ def near_effects(
     if node.slides:
         moved += ca.mtimes(along, s)
     holding_turns = [place for place, row in enumerate(rows) if row.f is not None]
-    moved[holding_turns] = turned[holding_turns]
+    if holding_turns:
+        moved[holding_turns] = turned[holding_turns]
     return moved
 
 

@@ -6,12 +6,11 @@ refused tells the row that stays open, or the coordinate that is at fault.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import casadi as ca
 import numpy as np
 
-from linkwork.equations.algebra import dense
 from linkwork.equations.equations import ClosureRows
 from linkwork.equations.joint_map import JointMap
 from linkwork.equations.nearest import nearest
@@ -27,11 +26,17 @@ FLIPPED = (
 
 
 def jacobians(
-    tree: Tree, rows: ClosureRows, configurations: Iterable[np.ndarray]
+    tree: Tree, rows: ClosureRows, configurations: Sequence[np.ndarray]
 ) -> list[np.ndarray]:
     """Return Phi (rows x nv) at closed configurations, in the mechanism's own units."""
     evaluated = tree.evaluated("checks", [rows.Phi])
-    return [dense(evaluated(q)[0]) * tree.rate_units / rows.units[:, None] for q in configurations]
+    found = np.zeros((len(configurations), *rows.Phi.shape))
+    own, columns = rows.Phi.sparsity().get_triplet()
+    for Phi, q in zip(found, configurations, strict=True):
+        Phi[own, columns] = evaluated(q)[0].nonzeros()
+        Phi[own, columns] *= tree.rate_units[columns]
+        Phi[own, columns] /= rows.units[own]
+    return [*found]
 
 
 def closing(tree: Tree, rows: ClosureRows, p: np.ndarray | None = None) -> System:

@@ -14,6 +14,7 @@ rows).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 
@@ -67,7 +68,7 @@ def reflected(A: np.ndarray, dependent: float = DEPENDENT_ROW) -> tuple[Reflecti
     for row in range(len(rest)):
         columns = np.flatnonzero(free & (rest[row] != 0))
         x = rest[row, columns]
-        length = float(np.linalg.norm(x))
+        length = sqrt(x @ x)
         if not length > least:
             continue
         # No row from `end` on has anything in these columns.
@@ -78,9 +79,10 @@ def reflected(A: np.ndarray, dependent: float = DEPENDENT_ROW) -> tuple[Reflecti
         rest[row, columns] = 0.0
         rest[row, columns[place]] = -np.copysign(length, x[place])
         x[place] += np.copysign(length, x[place])
-        v = x / np.linalg.norm(x)
+        v = x / sqrt(x @ x)
         touched = np.flatnonzero(touching.any(axis=1))
-        rest[np.ix_(row + 1 + touched, columns)] -= np.outer(later[touched] @ v, 2 * v)
+        at = (row + 1 + touched)[:, None], columns
+        rest[at] -= (later[touched] @ v)[:, None] * (2 * v)
         free[columns[place]] = False
         rows.append(row)
         pivots.append(int(columns[place]))
