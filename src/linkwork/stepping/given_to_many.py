@@ -46,9 +46,9 @@ def forces_given(u: ArrayLike, names: Sequence[str], N: int) -> np.ndarray:
 
 def which_of(index: Index | None, N: int, repeated: bool = False) -> np.ndarray:
     """Return the numbers of members (M,); repeated: whether one may be named several times."""
-    every = np.arange(N)
     if isinstance(index, np.ndarray) and index.dtype == bool and index.shape == (N,):
-        return every[index]
+        return np.flatnonzero(index)
+    every = np.arange(N)
     try:
         found = every if index is None else np.atleast_1d(every[index])
     except (IndexError, TypeError, ValueError):

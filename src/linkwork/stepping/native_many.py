@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 from linkwork.simulation.compiled import INLINED, OPTIONS, compiled_once
@@ -134,18 +135,35 @@ def _put_vector(typing_context, numbers, index, vector):
     return types.void(POINTER, types.intp, VECTOR), generate
 
 
+def _expect(typing_context, numbers, index):
+    """Fetch the vector of LANES numbers from one on into the cache, where it is soon to be read."""
+
+    def generate(context, builder, signature, values):
+        word, byte = ir.IntType(32), ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [byte, word, word, word])
+        fetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        place = builder.bitcast(builder.gep(values[0], [values[1]]), byte)
+        builder.call(fetch, [place, *(ir.Constant(word, number) for number in (0, 3, 1))])
+        return context.get_dummy_value()
+
+    return types.void(POINTER, types.intp), generate
+
+
 vector_at: Any = intrinsic(_vector_at)
+expect: Any = intrinsic(_expect)
 put_vector: Any = intrinsic(_put_vector)
 
 
 @njit(**INLINED)
 def taken(array, rows, first, block, table, row):
     """Take rows of the members out of an array, from a row of a table on; `first`: the column of
-    the first where they stand one after the other, else -1."""
+    the first where they stand one after the other, most often followed by those of the next block,
+    else -1."""
     numbers, stride = pointer(array), array.shape[1]
     for m in range(rows):
         if first >= 0:
             store(table, row + m, vector_at(numbers, m * stride + first))
+            expect(numbers, m * stride + first + LANES)
         else:
             for lane in range(LANES):
                 table[row + m, lane] = numbers[m * stride + block.who[lane]]
