@@ -4,8 +4,9 @@ and then."""
 import os
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager, suppress
+from queue import Empty, SimpleQueue
 
 from linkwork.checks import count
 
@@ -62,12 +63,15 @@ def dealt(
     interrupt = None
     with crew(threads) as pool:
         futures = [pool.submit(run, part) for part in range(parts)]
-        left = set(futures)
+        ended: SimpleQueue[Future[bool]] = SimpleQueue()
+        for future in futures:
+            future.add_done_callback(ended.put)
         try:
+            left = parts
             while left:
-                ended, left = wait(left, timeout=GLANCE, return_when=FIRST_COMPLETED)
-                for future in ended:
-                    future.result()
+                with suppress(Empty):
+                    ended.get(timeout=GLANCE).result()
+                    left -= 1
                 report()
         except KeyboardInterrupt as error:
             interrupt = error
