@@ -67,7 +67,7 @@ METHOD = f"""
     """
 
 
-def run(duration: float = 2.0, rounds: int = 5, ways: Mapping[str, Way] = WAYS) -> Section:
+def run(duration: float = 2.0, rounds: int = 15, ways: Mapping[str, Way] = WAYS) -> Section:
     """Time the closed loop in all ways, in turn."""
     robot = lw.Robot(prr3())
     motion = robot.follow(

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from linkwork.export.identifiers import identifier
-from linkwork.export.sines import turn_text
+from linkwork.export.sines import turn_texts
 from linkwork.export.small import OWN, used
 from linkwork.export.statements import Dialect, functions_text
 from linkwork.export.templates import filled
@@ -53,7 +53,7 @@ def static_functions(functions: Sequence[ca.Function]) -> str:
     code = [functions_text(simplify(trace(f)), f"lw_{f.name()}_code", dialect) for f in functions]
     body = "\n".join(code)
     parts = ["typedef double lw_real;\n", filled("arithmetic.c", dialect)]
-    parts += [turn_text(dialect)] * ("lw_turn(" in body) + used(OWN, body)
+    parts += turn_texts(dialect, body) + used(OWN, body)
     return "\n".join([*parts, body])
 
 

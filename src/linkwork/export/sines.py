@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from linkwork.export.small import used
 from linkwork.export.statements import TOGETHER, Dialect, Precision
 from linkwork.export.templates import filled
 from linkwork.kernels import elementary
@@ -59,10 +60,11 @@ REDUCTIONS: dict[Precision, Reduction] = {
 }
 
 
-def turn_text(dialect: Dialect) -> str:
-    """Return the static C function  turn(n, x, s, c):  s = sin x, c = cos x for n angles."""
+def turn_texts(dialect: Dialect, body: str) -> list[str]:
+    """Return the static C functions that a body calls, and what they need:  turn(n, x, s, c),
+    s = sin x, c = cos x for n angles, and  turn_one(x, s, c)  for one, without vectors."""
     if dialect.sines == "libm":
-        return filled("turn_libm.c", dialect)
+        return used([filled("turn_libm.c", dialect)], body)
     own = REDUCTIONS[dialect.precision]
     words = {
         "TOGETHER": str(TOGETHER),
@@ -76,7 +78,16 @@ def turn_text(dialect: Dialect) -> str:
         "SINE_POLYNOMIAL": _horner(own.sine, dialect),
         "COSINE_POLYNOMIAL": _horner(own.cosine, dialect),
     }
-    return filled("turn.c", dialect, words)
+    turned = filled("turned.c", dialect, words).rstrip("\n")
+    deeper = "\n".join(line if line[0] == "#" else 8 * " " + line for line in turned.splitlines())
+    found = used(
+        [
+            filled("turn.c", dialect, {"TURNED": deeper}),
+            filled("turn_one.c", dialect, {"TURNED": turned}),
+        ],
+        body,
+    )
+    return [filled("turn_seldom.c", dialect, words), *found] if found else []
 
 
 def _reduction(parts: Sequence[float], dialect: Dialect) -> str:
@@ -85,7 +96,7 @@ def _reduction(parts: Sequence[float], dialect: Dialect) -> str:
     for k, part in enumerate(parts):
         name = "r" if k == len(parts) - 1 else f"r{k}"
         less = f"LW_FMA(quarters, {dialect.constant(-part)}, {rest})"
-        lines.append(f"            const lw_real {name} = {less};")
+        lines.append(f"    const lw_real {name} = {less};")
         rest = name
     return "\n".join(lines)
 

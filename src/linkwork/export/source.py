@@ -11,7 +11,7 @@ from linkwork.equations.equations import LOST
 from linkwork.export.calls import Call
 from linkwork.export.header import about, prototype, size_of
 from linkwork.export.layout import ArrayLayout
-from linkwork.export.sines import turn_text
+from linkwork.export.sines import turn_texts
 from linkwork.export.small import OWN, used
 from linkwork.export.statements import Dialect, functions_text
 from linkwork.export.templates import filled
@@ -86,7 +86,7 @@ def source_text(
         '#include "LW_FILE.h"\n\n#include <math.h>\n',
     ]
     parts += [filled("arithmetic.c", dialect)]
-    parts += [turn_text(dialect)] * ("lw_turn(" in body)
+    parts += turn_texts(dialect, body)
     parts += [*used(constants, "\n".join([*small, body])), *small]
     parts += [f"const lw_real lw_home[LW_Q] = {listed(robot.home.q, dialect)};\n"]
     if fields:

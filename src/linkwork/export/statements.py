@@ -162,17 +162,18 @@ class _Body:
         """Yield the statements that compute the sines and cosines at a section's end.
 
         Angles are repeated to a multiple of TOGETHER: compilers fill vectors with values that they
-        have, but not with some of these and a constant.
+        have, but not with some of these and a constant. One alone takes no vectors, for whose
+        constants it would wait.
         """
         angles, first = section.angles, section.first * LANES
-        repeated = (
-            len(angles) if self.dialect.sines == "libm" else -(-len(angles) // TOGETHER) * TOGETHER
-        )
+        own = self.dialect.sines != "libm"
+        alone = own and len(angles) == 1
+        repeated = -(-len(angles) // TOGETHER) * TOGETHER if own and not alone else len(angles)
         for i in range(repeated):
             yield f"    kept[{first + i}] = {self.number(angles[i % len(angles)])};"
         sines, cosines = (part[angles[0]] for part in (self.plan.sines, self.plan.cosines))
         places = ", ".join(f"kept + {place}" for place in (first, sines, cosines))
-        yield f"    lw_turn({len(angles)}, {places});"
+        yield f"    lw_turn_one({places});" if alone else f"    lw_turn({len(angles)}, {places});"
 
     def number(self, k: int) -> str:
         """Return the value at position k as a number; a truth is 1 or 0."""
