@@ -32,17 +32,18 @@ def relative():
 
 LED = {
     "prr3": lw.robots.prr3,
-    "par4": lw.robots.par4,
     "stewart": lw.robots.stewart,
     "scara": lambda: scara(task=("x", "y", TURN, lw.DistanceTo(point=(0, 0, 1)))),
     "pointing": lambda: stated(three_legs("RRS"), ("z", "azimuth", "tilt")),
     "leaning": lw.robots.rrs3,
     "relative": relative,
     "tilting": lambda: stated(three_legs("RPS"), TILTED),
+    # Turned about the vertical as the scara is, by loops as the others are.
+    "par4": lw.robots.par4,
     "delta": lw.robots.delta,
     "puma560": lw.robots.puma560,
 }
-RUN = first(7, tuple(LED))
+RUN = first(6, tuple(LED))
 
 
 @pytest.fixture(scope="module", params=RUN)

@@ -5,7 +5,7 @@ import pytest
 
 from linkwork import LinkworkError, paths
 
-from tests.catalogue import built
+from tests.catalogue import WHOLE, built
 
 S = np.linspace(0, 1, 201)
 
@@ -21,8 +21,9 @@ def checked(path):
     return x
 
 
-@pytest.mark.parametrize("size", [2, 3])
-@pytest.mark.parametrize("orientation", [None, 0.3])
+@pytest.mark.parametrize(
+    ("size", "orientation"), [(2, 0.3), (3, None), *[(2, None), (3, 0.3)] * WHOLE]
+)
 def test_an_arc_goes_through_its_three_points_on_one_circle(size, orientation):
     points = np.random.default_rng(4).normal(size=(40, 3, size))
     for start, via, end in points:

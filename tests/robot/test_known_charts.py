@@ -11,7 +11,7 @@ from linkwork.model import chart_margins
 from linkwork.model.known_charts import KnownCharts
 from linkwork.runs.next_chart import choice
 
-from tests.catalogue import built
+from tests.catalogue import WHOLE, built
 
 
 def jacobians(robot: lw.Robot, count: int, far: float, seed: int) -> np.ndarray:
@@ -40,7 +40,7 @@ def test_known_charts_are_those_chosen_anew(name):
     preferred = [rates.index(rate) for rate in robot.independent]
     known = KnownCharts(robot.equations, preferred)
     for far, seed in ((0.05, 1), (0.3, 2), (0.3, 3), (1.0, 4)):
-        Phi = jacobians(robot, 60, far, seed)
+        Phi = jacobians(robot, 60 if WHOLE else 25, far, seed)
         regular, found = known.at(Phi)
         assert (regular == robot.equations.regular(Phi)).all()
         anew = by_place(charts_at(robot.equations, Phi, preferred), len(Phi))

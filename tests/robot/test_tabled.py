@@ -34,7 +34,7 @@ CASES = {
     "a free body": (lambda: random_loops(8, 1, effects=True, platform="free"), ()),
     "two loops": (lambda: random_loops(5, 2, effects=True, rods=1, gears=1, freedoms=2), ()),
 }
-RUN = first(6, tuple(CASES))
+RUN = first(5, tuple(CASES))
 
 
 @pytest.mark.parametrize("case", RUN)

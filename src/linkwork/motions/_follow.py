@@ -170,8 +170,8 @@ def of_joints(robot: Robot, timed: TimedPath, samples: int, guess: State | None)
     states = []
     for k, point in enumerate(values):
         with checks.at(f"at t = {time[k]:.6g} s{between(timed, time[k])}: "):
-            aside = np.linspace(time[max(k - 1, 0)], time[k], strides[k] + 2)[1:-1]
-            for led in (*timed.sample(aside)[0], point):
+            ahead = np.linspace(time[k - 1], time[k], strides[k] + 2)[1:-1] if strides[k] else None
+            for led in (point,) if ahead is None else (*timed.sample(ahead)[0], point):
                 guess = placed(robot, timed.names, led, guess)
         states.append(guess)
     still = joined(states)
