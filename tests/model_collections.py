@@ -237,7 +237,7 @@ def acceleration(side: Any, q: np.ndarray, v: np.ndarray, freedoms: int) -> np.n
     J = side.rows(q)
     if not len(J):
         return np.linalg.solve(M, f)
-    h = 1e-3
+    h = 1e-3 / max(1.0, float(np.max(abs(v))))
     ahead = {k: side.rows(side.stepped(q, k * h * v)) @ v for k in (-2, -1, 1, 2)}
     gamma = (8 * (ahead[1] - ahead[-1]) - (ahead[2] - ahead[-2])) / (12 * h)
     # In coordinates of like inertia, and rows of like size.
