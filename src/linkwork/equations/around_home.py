@@ -58,7 +58,7 @@ class ClosedSamples(NamedTuple):
 
     rows: ClosureRows
     configurations: list[np.ndarray]
-    Phi: list[np.ndarray]
+    Phi: np.ndarray
     notes: tuple[str, ...]
 
 
@@ -90,8 +90,8 @@ def closed_samples(
     if doubtful and (fewer := held(tree, rows, starts())) is not None:
         return closed_samples(joints, fewer, start, starts)
     # A reference that has the rank of its neighbours will do; else one is looked for beside it.
-    own = len(independent_rows(samples[1][:1]))
-    rank = own if own == len(rows.names) else len(independent_rows(samples[1]))
+    own = len(independent_rows([samples[1][0]]))
+    rank = own if own == len(rows.names) else len(independent_rows([*samples[1]]))
     if own == rank:
         return ClosedSamples(rows, *samples, (*moved_notes(joints, reference), *rounded))
     beside = bent(tree, rows, reference, rank)
@@ -127,7 +127,7 @@ def held(tree: Tree, rows: ClosureRows, starts: Iterable[np.ndarray]) -> Closure
         with suppress(OpenLoopsError):
             q = close(system, tree, start, gap=ROUNDED, damping=ROUNDED_DAMPING)
             near = neighbours(system, tree, q, ROUNDED, ROUNDED_DAMPING)
-            samples = np.array(jacobians(tree, rows, [q, *near]))
+            samples = jacobians(tree, rows, [q, *near])
             values = np.linalg.svd(samples, compute_uv=False)
             rank = int((values > ROUNDED_RANK * values[:, :1]).sum(axis=1).max())
             opens = np.abs(system(q)[0]).max(initial=0.0) > OPEN or (
@@ -161,7 +161,7 @@ def unheld_notes(
 
 def about(
     tree: Tree, rows: ClosureRows, reference: np.ndarray
-) -> tuple[list[np.ndarray], list[np.ndarray]]:
+) -> tuple[list[np.ndarray], np.ndarray]:
     """Return a closed configuration and closed ones near it, and Phi at each in the mechanism's own
     units."""
     configurations = [reference, *neighbours(closing(tree, rows), tree, reference)]

@@ -75,8 +75,7 @@ def derive(
     }
     rows = closure_rows(freed, tree, cuts, joints, gears.units(mechanism, length), extents)
     every, begin = rows.names, partial(starts, mechanism, topology, tree, start)
-    rows, configurations, samples, notes = closed_samples(joints, rows, start, begin)
-    stacked = np.array(samples)
+    rows, configurations, stacked, notes = closed_samples(joints, rows, start, begin)
     samples = [*stacked]
     # Rows that depend on others are left out; what has no motion, or leaves its plane, is refused.
     kept = independent_rows(samples)

@@ -25,10 +25,8 @@ FLIPPED = (
 )
 
 
-def jacobians(
-    tree: Tree, rows: ClosureRows, configurations: Sequence[np.ndarray]
-) -> list[np.ndarray]:
-    """Return Phi (rows x nv) at closed configurations, in the mechanism's own units."""
+def jacobians(tree: Tree, rows: ClosureRows, configurations: Sequence[np.ndarray]) -> np.ndarray:
+    """Return Phi (K x rows x nv) at closed configurations, in the mechanism's own units."""
     evaluated = tree.evaluated("checks", [rows.Phi])
     found = np.zeros((len(configurations), *rows.Phi.shape))
     own, columns = rows.Phi.sparsity().get_triplet()
@@ -36,7 +34,7 @@ def jacobians(
         Phi[own, columns] = evaluated(q)[0].nonzeros()
         Phi[own, columns] *= tree.rate_units[columns]
         Phi[own, columns] /= rows.units[own]
-    return [*found]
+    return found
 
 
 def closing(tree: Tree, rows: ClosureRows, p: np.ndarray | None = None) -> System:

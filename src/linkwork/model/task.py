@@ -69,7 +69,7 @@ def task_if_any(robot: Model, near: bool = True) -> Task | None:
     """Return the same, None where no task is stated and none plain."""
     task = stated(robot)
     if not task:
-        return led_coordinates(robot, near) if robot.mechanism.tools else None
+        return robot.once(led_coordinates, near) if robot.mechanism.tools else None
     robot.once(require_independent, task)
     return task
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import atan2, sqrt
 from typing import Protocol
 
 import numpy as np
@@ -142,10 +143,11 @@ class JointGoal:
 
 def rotation_vector(R: np.ndarray) -> np.ndarray:
     """Return axis times angle [rad] of a rotation matrix, the short way round."""
-    twice_sine = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine, cosine = np.linalg.norm(twice_sine) / 2, (np.trace(R) - 1) / 2
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
+    twice_sine = np.array([zy - yz, xz - zx, yx - xy])
+    sine, cosine = sqrt(twice_sine @ twice_sine) / 2, (xx + yy + zz - 1) / 2
     if sine > 1e-6 or cosine > 0:
-        return twice_sine / 2 * (np.arctan2(sine, cosine) / sine if sine > 1e-12 else 1.0)
+        return twice_sine / 2 * (atan2(sine, cosine) / sine if sine > 1e-12 else 1.0)
     axis = np.linalg.eigh(R + R.T)[1][:, -1]  # half a turn: R + R' = 2 (2 a a' - 1)
     return np.pi * axis
 
