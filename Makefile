@@ -25,7 +25,7 @@ test: $(READY) $(BROWSER) $(COMPILERS) $(TORCH)  ## lint, types, all tests
 
 hostile: $(READY) $(TORCH)  ## every hostile case, every mutated file and all robots where one of each kind stands for them in `make test`
 	LINKWORK_HOSTILE=all OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/hostile tests/analysis tests/benchmarks tests/control tests/design tests/equations tests/export tests/formats \
-	    tests/gradients tests/gym tests/jax tests/kernels tests/lab tests/mechanism tests/robot tests/sweeps tests/torch -n 2 --dist loadgroup
+	    tests/gradients tests/gym tests/jax tests/kernels tests/lab tests/mechanism tests/motions tests/robot tests/sweeps tests/torch -n 2 --dist loadgroup
 
 bench: $(READY)  ## every must-reach figure, contenders interleaved; tables into benchmarks/results
 	$(BIN)/python -m benchmarks

@@ -1,6 +1,9 @@
 """Pictures of motions: poses at equal distances, paths of tools, phase portraits; and what is
 refused."""
 
+import io
+
+import matplotlib
 import numpy as np
 import pytest
 
@@ -9,7 +12,7 @@ from linkwork.lab.precision import plot_work_precision
 from linkwork.scene.colours import BLUE
 from linkwork.views import plot_motion, plot_phase, plot_run, save_figure
 from linkwork.views.motion import spaced
-from linkwork.views.style import svg
+from linkwork.views.style import styled, svg
 
 from tests.catalogue import built
 
@@ -144,6 +147,20 @@ def test_figures_are_written_the_same_every_time(run, tmp_path, suffix):
     ]
     first, second = (path.read_bytes() for path in paths)
     assert first == second and len(first) > 1000
+
+
+@pytest.mark.parametrize("settings", [{}, {"savefig.facecolor": "#ffe0e0"}])
+def test_svg_is_what_savefig_writes(run, settings):
+    """Drawn once instead of twice, where no setting of the user asks for more."""
+    buffer, nothing = io.StringIO(), dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    with matplotlib.rc_context(settings):
+        one, other = (plot_run(run, ["tool_pose", "actuator_force"]) for _ in range(2))
+        with styled():
+            one.savefig(buffer, format="svg", metadata=nothing)
+        canvas, dpi = other.canvas, other.dpi
+        assert svg(other) == buffer.getvalue()
+    assert ("#ffe0e0" in buffer.getvalue()) == bool(settings)
+    assert (other.canvas, other.dpi) == (canvas, dpi)
 
 
 def test_figures_that_cannot_be_written_are_refused(run, tmp_path):

@@ -4,10 +4,10 @@ reproducible SVG."""
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 import numpy as np
 
@@ -82,12 +82,36 @@ def svg(figure: Figure, *, cropped: bool = False) -> str:
     cropped: leave out the empty margins.
     """
     buffer = io.StringIO()
-    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    nothing: dict[Any, None] = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     with styled():
-        figure.savefig(
-            buffer, format="svg", metadata=nothing, bbox_inches="tight" if cropped else None
-        )
+        if cropped or not draws_at_once(figure):
+            cut = "tight" if cropped else None
+            figure.savefig(buffer, format="svg", metadata=nothing, bbox_inches=cut)
+        else:
+            print_at_once(figure, buffer, nothing)
     return buffer.getvalue()
+
+
+def draws_at_once(figure: Figure) -> bool:
+    """Tell whether nothing but the figure says how it is saved: no window, no setting of the
+    user."""
+    from matplotlib import rcParams, rcParamsDefault
+    from matplotlib.backend_bases import FigureCanvasBase
+
+    usual = all(rcParams[name] == rcParamsDefault[name] for name in rcParams.find_all("^savefig"))
+    return usual and type(figure.canvas) is FigureCanvasBase
+
+
+def print_at_once(figure: Figure, file: TextIO, metadata: Mapping[Any, None]) -> None:
+    """Write what `savefig` writes, drawn once, while the layout is found, and not before, too."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    canvas, dpi = figure.canvas, figure.dpi
+    try:
+        FigureCanvasSVG(figure).print_svg(file, metadata={**metadata})
+    finally:
+        figure.set_canvas(canvas)
+        figure.dpi = dpi
 
 
 def save_figure(drawn: Figure | Axes, path: str | Path) -> Path:
