@@ -13,10 +13,12 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.core.imputils import impl_ret_new_ref
+from numba.extending import intrinsic
 
 from linkwork.simulation.compiled import INLINED, OPTIONS
-from linkwork.simulation.lane_inputs import force, next_target, signal_of
+from linkwork.simulation.lane_inputs import Signals, force, next_target, signal_of
 from linkwork.simulation.lane_tables import (
     ACCEPTS,
     AILMENT,
@@ -43,15 +45,17 @@ from linkwork.simulation.lane_tables import (
     TARGET,
     TIME,
     WANTED,
+    Tables,
     room,
 )
 from linkwork.simulation.native_between import resized
 from linkwork.simulation.native_events import LOOKS, MOST
-from linkwork.simulation.native_memory import furnish, integration_at, memory_for
+from linkwork.simulation.native_memory import INTEGRATION, furnish, integration_at, memory_for
 from linkwork.simulation.native_parts import (
     OK,
     Inputs,
     Kernels,
+    Method,
     StepLimits,
     Turns,
     add_turns,
@@ -60,9 +64,11 @@ from linkwork.simulation.native_parts import (
 )
 from linkwork.simulation.pointers import call, pointer
 from linkwork.simulation.status import Status
-from linkwork.simulation.structures import memory_of
+from linkwork.simulation.structures import memory_of, numba_type
 from linkwork.simulation.vectors import (
+    COUNT_TABLE,
     LANES,
+    TABLE,
     absolute,
     as_table,
     call_wide,
@@ -77,13 +83,19 @@ EVENT = int(Status.EVENT)
 FIRST_ROWS = 64
 
 
+STARTING, STEPPING, BEHIND = range(3)
+"""Moments at which the lanes are about events: see `lane_happenings`."""
+
+
 class Occasions(NamedTuple):
     """What is watched for: `kernels` of one state; `wide`, the address of the kernel of the event
-    functions for states side by side; `conditions`, a row (direction, what it does) for each."""
+    functions for states side by side; `conditions`, a row (direction, what it does) for each;
+    `happen`, the address of what the lanes do about them."""
 
     kernels: Kernels
     wide: int
     conditions: Any
+    happen: int
 
 
 class EventTables(NamedTuple):
@@ -97,6 +109,45 @@ class EventTables(NamedTuple):
     middle: Any
     count: int
     free: int
+
+
+def named(kind, *fields):
+    """Return Numba's type of a named tuple."""
+    return types.BaseTuple.from_types(fields, kind)
+
+
+_whole, _number = types.intp, types.float64
+_table = types.Array(_number, 2, "C", readonly=True)
+_numbers, _rows, _cubes = (types.Array(_number, dimensions, "C") for dimensions in (1, 2, 3))
+_wholes = types.Array(_whole, 1, "C")
+OCCASIONS = named(Occasions, types.UniTuple(_whole, len(Kernels._fields)), _whole, _rows, _whole)
+SIGNALS = named(Signals, _numbers, _cubes, _wholes, _numbers, _wholes, types.boolean)
+WHAT_HAPPENS = _rows(
+    _whole, OCCASIONS, INTEGRATION, numba_type(Method), SIGNALS, _number, _rows,
+    named(Tables, *[TABLE] * 14, COUNT_TABLE, _whole, _whole, _number),
+    named(EventTables, *[TABLE] * 4, _whole, _whole),
+)  # fmt: skip
+
+
+def _happen(
+    typing_context, moment, occasions, alone, method, signals, closure_tol, found, tables, places
+):
+    """Call what does something about events by its address: see `lane_happenings`."""
+
+    def generate(context, builder, signature, values):
+        calls, kinds, result = context.call_conv, signature.args, signature.return_type
+        address = builder.extract_value(values[1], Occasions._fields.index("happen"))
+        function = calls.get_function_type(result, kinds).as_pointer()
+        function = builder.inttoptr(address, function)
+        status, rows = calls.call_function(builder, function, result, kinds, values)
+        with builder.if_then(status.is_error, likely=False):
+            calls.return_status_propagate(builder, status)
+        return impl_ret_new_ref(context, builder, result, rows)
+
+    return WHAT_HAPPENS, generate
+
+
+happen: Any = intrinsic(_happen)
 
 
 @njit(**OPTIONS)

@@ -28,16 +28,19 @@ from numba import njit, types
 
 from linkwork.simulation.compiled import INLINED, OPTIONS, compiled_once
 from linkwork.simulation.lane_events import (
+    BEHIND,
     FIRST_ROWS,
-    Occasions,
+    OCCASIONS,
+    SIGNALS,
+    STARTING,
+    STEPPING,
     event_tables,
-    observe_starts,
-    pass_occasions,
+    happen,
+    named,
     rooms_for,
     run_alone,
-    take_occasions,
 )
-from linkwork.simulation.lane_inputs import Signals, force, next_target, set_forces, signal_of
+from linkwork.simulation.lane_inputs import force, next_target, set_forces, signal_of
 from linkwork.simulation.lane_members import (
     Results,
     Roster,
@@ -167,8 +170,8 @@ def look_into(
     if marked > 0:
         inspect(kernels.motion, method, signals, watched, peaks, tables)
     if places.count > 0:
-        found = take_occasions(
-            occasions, alone, method, signals, limits.closure_tol, found, tables, places
+        found = happen(
+            STEPPING, occasions, alone, method, signals, limits.closure_tol, found, tables, places
         )
     if save_at.size > 0:
         take_samples(kernels.closure, method, limits.closure_tol, save_at, samples, tables)
@@ -225,10 +228,6 @@ def restart(motion, last, signals, tables):
             now[PIVOT, lane] = min(now[PIVOT, lane], now[REJECTED_PIVOT, lane])
 
 
-def _tuple(kind, *fields):
-    return types.BaseTuple.from_types(fields, kind)
-
-
 _array, _table = (
     types.Array(types.float64, dimensions, "C", readonly=True) for dimensions in (1, 2)
 )
@@ -238,15 +237,15 @@ _whole, _number = types.intp, types.float64
 _SIGNATURE = (
     types.BaseTuple.from_types([_whole] * len(Kernels._fields), Kernels),
     _array,
-    _tuple(Demands, _number, _number, _number, types.boolean),
-    _tuple(Sizes, _rows, _rows),
+    named(Demands, _number, _number, _number, types.boolean),
+    named(Sizes, _rows, _rows),
     _table,
-    _tuple(Signals, _numbers, _tables, _wholes, _numbers, _wholes, types.boolean),
-    _tuple(LaneSignals, _numbers, _tables, _wholes, _rows, _wholes),
-    _tuple(Occasions, types.UniTuple(_whole, len(Kernels._fields)), _whole, _rows),
-    _tuple(Roster, _rows, _rows, _rows, _counts),
+    SIGNALS,
+    named(LaneSignals, _numbers, _tables, _wholes, _rows, _wholes),
+    OCCASIONS,
+    named(Roster, _rows, _rows, _rows, _counts),
     _array,
-    _tuple(Results, _tables, _rows, _counts),
+    named(Results, _tables, _rows, _counts),
     _wholes,
     _wholes,
 )
@@ -297,7 +296,10 @@ def integrate(
                 tables,
             )  # fmt: skip
             if watching:
-                observe_starts(alone, signals, tables, places)
+                found = happen(
+                    STARTING, occasions, alone, method, signals, limits.closure_tol, found, tables,
+                    places,
+                )  # fmt: skip
         if live == 0 or cancel[0] != 0:
             break
         # A step is tried, judged, and looked into.
@@ -318,7 +320,9 @@ def integrate(
         if breaks:
             restart(kernels.motion, method.solution, signals, tables)
         if watching:
-            pass_occasions(alone, signals, tables, places)
+            found = happen(
+                BEHIND, occasions, alone, method, signals, limits.closure_tol, found, tables, places
+            )
         go_on(method, tables)
         if some(large(tables)):
             turned |= settle(tables)

@@ -114,13 +114,15 @@ class Occasion:
     events: Events
 
     @property
-    def asked(self) -> tuple[tuple[int, ...], int, np.ndarray]:
+    def asked(self) -> tuple[tuple[int, ...], int, np.ndarray, int]:
         """What the compiled loop takes."""
+        from linkwork.simulation.lane_happenings import ADDRESS
+
         alone = self.motion, self.closure, 0, self.events.address, 0, search_for_events()
-        return alone, self.wide, self.events.table
+        return alone, self.wide, self.events.table, ADDRESS
 
 
-NO_OCCASION: tuple[tuple[int, ...], int, np.ndarray] = (0,) * 6, 0, np.empty((0, 2))
+NO_OCCASION: tuple[tuple[int, ...], int, np.ndarray, int] = (0,) * 6, 0, np.empty((0, 2)), 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,6 +288,8 @@ def integrate_many(
     forces = forces if occasion is None else forces.cubic
 
     from linkwork.simulation import lanes
+    from linkwork.simulation.lane_events import Occasions
+    from linkwork.simulation.lane_inputs import Signals
 
     asked = (
         lanes.Kernels(motion, closure or 0, 0, 0, 0, 0),
@@ -295,9 +299,9 @@ def integrate_many(
         ),
         lanes.Sizes(tolerance, turning.table[:2].copy()),
         p,
-        lanes.Signals(*forces.signals),
+        Signals(*forces.signals),
         lanes.LaneSignals(*watched.watched),
-        lanes.Occasions(*(NO_OCCASION if occasion is None else occasion.asked)),  # pyright: ignore[reportArgumentType]
+        Occasions(*(NO_OCCASION if occasion is None else occasion.asked)),  # pyright: ignore[reportArgumentType]
     )
     return _outcomes(asked, given, starts, times, threads or usable_processors(), progress)
 
