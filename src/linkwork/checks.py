@@ -20,6 +20,8 @@ from linkwork.errors import LinkworkError
 Kind = TypeVar("Kind")
 LONGEST = 100  # characters of a value in a sentence
 NUMBERS = frozenset({float, int})
+DOUBLE = np.dtype(float)
+FEW = 50  # numbers that Python sums sooner than NumPy is asked about them
 
 
 def shown(value: object) -> str:
@@ -84,7 +86,13 @@ def finite(values: ArrayLike, what: str) -> np.ndarray:
     """Return values as floats; refuse what is not a finite number."""
     if isinstance(values, float | int) and not isinstance(values, bool) and isfinite(values):
         return np.array(values, float)
-    array = reals(values)
+    array: np.ndarray | None
+    if type(values) is np.ndarray and values.dtype is DOUBLE:
+        array = np.array(values)
+        if array.ndim == 1 and array.size < FEW and isfinite(sum(array.tolist())):
+            return array
+    else:
+        array = reals(values)
     if array is None:
         raise LinkworkError(f"{what} is {shown(values)}; give numbers")
     if not np.isfinite(array).all():

@@ -13,7 +13,7 @@ class ReadOnlyArrays:
 
     def __post_init__(self) -> None:
         for value in vars(self).values():
-            if type(value) is np.ndarray:
+            if type(value) is np.ndarray and value.flags.writeable:
                 value.setflags(write=False)
 
     def __setstate__(self, known: dict[str, Any]) -> None:

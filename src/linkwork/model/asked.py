@@ -17,14 +17,15 @@ from typing import NamedTuple, Protocol
 import casadi as ca
 import numpy as np
 
-from linkwork.equations import Equations, body_motion
+from linkwork.equations import Equations, body_motion, functions
 from linkwork.equations.algebra import SX, matrix_quaternion, wrapped
 from linkwork.equations.effects import rotation_vector
-from linkwork.equations.task import held_task, pointing_of, task_map, whole_rotation
+from linkwork.equations.task import held_task, pointing_of, task_map, told, whole_rotation
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.mechanism import DistanceTo, TurnAbout
 from linkwork.mechanism.task import ROTATION, TaskCoordinate, is_angle, is_length, labels
+from linkwork.model.charts import CompiledChart
 from linkwork.model.labels import POSES
 
 TWIST_ROWS = {"x": 3, "y": 4, "z": 5, "rx": 0, "ry": 1, "rz": 2, "angle": 2}
@@ -428,6 +429,18 @@ def mapped_rows(equations: Equations, task: Sequence[TaskCoordinate]) -> tuple[c
 def task_kernel(task: tuple[TaskCoordinate, ...]) -> Kernel:
     """Return the compiled (pose, twist) -> x, E, E' [omega; v] of task coordinates."""
     return compile_function(task_map(task))
+
+
+@lru_cache(maxsize=256)
+def values_kernel(chart: CompiledChart, task: tuple[TaskCoordinate, ...]) -> Kernel:
+    """Return the kernel of q -> the task coordinates (k), and 1."""
+
+    def made(equations: Equations) -> ca.Function:
+        pose = ca.vertcat(*body_motion.tool_pose(equations.tree, equations.mechanism.first_tool))
+        outputs = {"x": told(task, pose), "one": ca.SX(1)}
+        return functions.function("task_values", equations, outputs)
+
+    return chart.compiled(f"values of {task}", made).given(chart.p)
 
 
 def sentence_name(item: TaskCoordinate) -> str:

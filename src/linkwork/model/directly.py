@@ -37,6 +37,7 @@ FORMS: dict[str, tuple[Form, ...]] = {
     "energy": ("number", "number"),
     "maps": ("matrix", "matrix"),
     "joints_motion": ("vector", "vector", "vector"),
+    "bodies_motion": ("vector", "vector", "vector"),
     "tool_motion": ("vector", "matrix", "vector", "vector"),
 }
 """What the outputs of a kernel are, but the pivot: matrices have a column for each independent

@@ -10,25 +10,25 @@ from functools import cached_property, lru_cache, partial
 from os import PathLike
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from linkwork.checks import amount
 from linkwork.control.observation import Names
-from linkwork.equations import Equations, body_motion, functions, mobility
+from linkwork.equations import Equations, body_motion, mobility
 from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.formats.named import mechanism_of
 from linkwork.kernels import Kernel
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.bearing import bearings
 from linkwork.model import checks
-from linkwork.model.asked import Asked, JointsAsked, ToolAsked
+from linkwork.model.asked import Asked, JointsAsked, ToolAsked, values_kernel
 from linkwork.model.assembly import OPEN_LOOPS, Assembler, evaluate
 from linkwork.model.charts import Charts, CompiledChart, shorter
 from linkwork.model.closing import Least, approach
 from linkwork.model.derivations import derived, kept
 from linkwork.model.directly import DirectCalls
 from linkwork.model.known_charts import KnownCharts
+from linkwork.model.labels import POSES
 from linkwork.model.leading import Leader
 from linkwork.model.modes import ModeStages, modes_of
 from linkwork.model.state import State
@@ -222,13 +222,8 @@ class Model(SetOnce):
         """Return the tool's poses (x, y, angle) (..., 3) in the plane, or with rotation vectors
         (..., 6), for the tree's coordinates (..., nq), and other free numbers where given."""
         self.require_tool()
-        (found,) = self.chart.compiled("tool", first_tool)(q, self.p if p is None else p)
-        if self.planar:
-            return found
-        from scipy.spatial.transform import Rotation
-
-        turns = Rotation.from_matrix(found[..., 3:].reshape(-1, 3, 3)).as_rotvec()
-        return np.concatenate([found[..., :3], turns.reshape(found[..., :3].shape)], axis=-1)
+        kernel = values_kernel(self.chart, POSES[self.planar])
+        return kernel(q, self.p if p is None else p)[0]
 
     def make_state(self, q: np.ndarray, v: np.ndarray) -> State:
         q = np.ascontiguousarray(q)
@@ -258,14 +253,3 @@ class Model(SetOnce):
 
     def require_tool(self) -> None:
         _ = self.mechanism.first_tool
-
-
-def first_tool(equations: Equations) -> ca.Function:
-    """Return q -> the first tool's pose: x, y, angle where it moves in the plane, else position and
-    matrix, row by row.
-    """
-    tool = equations.mechanism.first_tool
-    position, orientation, angle = body_motion.tool_pose(equations.tree, tool)
-    planar = body_motion.is_planar(equations.tree)
-    pose = ca.vertcat(position[:2], angle) if planar else ca.vertcat(position, orientation)
-    return functions.function("tool", equations, {"pose": pose})

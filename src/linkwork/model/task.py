@@ -9,22 +9,17 @@ farther away these may move along, parasitically).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache, partial
+from functools import partial
 from typing import TYPE_CHECKING
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.equations import Equations, body_motion, functions
-from linkwork.equations.task import told
 from linkwork.errors import LinkworkError
-from linkwork.kernels import Kernel
 from linkwork.mechanism import TurnAbout
 from linkwork.mechanism.task import NAMES, TaskCoordinate, label, labels
 from linkwork.model import checks
-from linkwork.model.asked import TWIST_ROWS, ToolAsked, long_name
-from linkwork.model.charts import CompiledChart
+from linkwork.model.asked import TWIST_ROWS, ToolAsked, long_name, values_kernel
 from linkwork.model.directly import DirectCalls
 from linkwork.model.labels import POSES
 
@@ -265,18 +260,6 @@ def values_directly(robot: Model, task: Task) -> DirectCalls:
     return DirectCalls(
         robot.coordinates, robot.charts, kernel, lambda found, _: (0, (found.outputs[0][1],))
     )
-
-
-@lru_cache(maxsize=256)
-def values_kernel(chart: CompiledChart, task: Task) -> Kernel:
-    """Return the kernel of q -> the task coordinates (k), and 1."""
-
-    def made(equations: Equations) -> ca.Function:
-        pose = ca.vertcat(*body_motion.tool_pose(equations.tree, equations.mechanism.first_tool))
-        outputs = {"x": told(task, pose), "one": ca.SX(1)}
-        return functions.function("task_values", equations, outputs)
-
-    return chart.compiled(f"values of {task}", made).given(chart.p)
 
 
 def asked(robot: Model, tool: ArrayLike | Mapping[str, ArrayLike]) -> tuple[ToolAsked, np.ndarray]:

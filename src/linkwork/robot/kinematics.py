@@ -13,6 +13,7 @@ from linkwork.gradients import derivatives
 from linkwork.mechanism.limits import speed_limited
 from linkwork.mechanism.task import TaskCoordinate, labels
 from linkwork.model import dexterity, evaluation, limits, task
+from linkwork.model.labels import POSES
 from linkwork.model.model import Model
 from linkwork.model.state import State
 from linkwork.model.tool_motion import led
@@ -48,9 +49,10 @@ class Kinematics(Model):
     def body_poses(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return the origin p_0B (..., 3) [m] and the matrix R_0B (..., 3, 3) of each body's frame,
         by name."""
-        origins, orientations, *_ = self.kernel("bodies_motion")(
-            self.own(state).q, np.zeros(self.mobility)
-        )
+        found = self.directly("bodies_motion").at(state)
+        if found is None:
+            found = self.kernel("bodies_motion")(self.own(state).q, np.zeros(self.mobility))
+        origins, orientations, *_ = found
         p = origins.reshape(*state.batch, len(self.bodies), 3)
         R = orientations.reshape(*state.batch, len(self.bodies), 3, 3)
         return {name: (p[..., i, :], R[..., i, :, :]) for i, name in enumerate(self.bodies)}
@@ -58,14 +60,15 @@ class Kinematics(Model):
     def twists(self, state: State) -> np.ndarray:
         """Return the twists t_i = [omega; v of the mass centre] of the bodies (..., r, 6), in the
         ground's axes."""
-        *_, twists, pivot = evaluation.outputs(self, "bodies_motion", self.own(state), state.rates)
-        evaluation.require_regular(self, state, pivot, twists, state.rates, "rates")
+        twists = evaluation.told(self, "bodies_motion", state)[2]
         return twists.reshape(*state.batch, len(self.bodies), 6)
 
     def tool_pose(self, state: State) -> np.ndarray:
         """Return the tool's pose: x, y, angle (..., 3) in the plane; x, y, z, rotation vector
         (..., 6) in space [m, rad]."""
-        return self.tool_poses(self.own(state).q)
+        self.require_tool()
+        found = self.once(task.values_directly, POSES[self.planar]).at(state)
+        return self.tool_poses(self.own(state).q) if found is None else found
 
     @property
     def task(self) -> tuple[str, ...]:
