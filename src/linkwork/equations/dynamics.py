@@ -22,11 +22,12 @@ from linkwork.equations.orientation import convert
 from linkwork.equations.tree import Column, Node, Tree
 from linkwork.equations.turned_inertia import turning_moment
 
+Elements = dict[tuple[int, int], ca.SX]  # of a matrix, by row and column
 Wrenches = Mapping[int, tuple[ca.SX, ca.SX]]
 
 
 def generalised_inertia(tree: Tree) -> ca.SX:
-    """Return H (nv x nv).
+    """Return H (nv x nv, without the elements of rates of which none carries the other).
 
     Outward to inward, composite moments (m, h, I) gather each node's own and its children's,
     shifted by r: h += m r, I += 2 (r.h) 1 - r h' - h r' + m (r.r 1 - r r')  with the child's h. A
@@ -34,7 +35,7 @@ def generalised_inertia(tree: Tree) -> ca.SX:
     projects it on the columns inward.
     """
     moments = [node.near_moments for node in tree.nodes]
-    H = SX.zeros(len(tree.rates), len(tree.rates))
+    H: Elements = {}
     for node in reversed(tree.nodes):
         m, h, inertia = moments[node.index]
         project_inward(tree, node, m, h, inertia, H)
@@ -46,10 +47,13 @@ def generalised_inertia(tree: Tree) -> ca.SX:
             if present(m):
                 shift += m * (dot(r, r) * SX.eye(3) - ca.mtimes(r, r.T))
             moments[node.parent] = (m_p + m, h_p + h + m * r, I_p + inertia + shift)
-    return H
+    rows, columns, nv = [i for i, _ in H], [j for _, j in H], len(tree.rates)
+    return SX.triplet(rows, columns, ca.vertcat(SX(0, 1), *H.values()), nv, nv)
 
 
-def project_inward(tree: Tree, node: Node, m: Number, h: ca.SX, inertia: ca.SX, H: ca.SX) -> None:
+def project_inward(
+    tree: Tree, node: Node, m: Number, h: ca.SX, inertia: ca.SX, H: Elements
+) -> None:
     """Fill rows and columns of H of a node's rates, up to the rates inward of it and those of its
     own."""
     axes = node.column_axes

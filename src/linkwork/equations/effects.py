@@ -208,9 +208,8 @@ def joint_forces(freedoms: tuple[Freedom, ...], rates: ca.SX) -> ca.SX:
 
 def rotor_inertia(freedoms: tuple[Freedom, ...], nv: int) -> ca.SX:
     """Return what rotors add to the tree's generalised inertia, J' J_rotor J."""
-    return sum(
-        (f.rotor * ca.mtimes(f.J.T, f.J) for f in freedoms if present(f.rotor)), SX.zeros(nv, nv)
-    )
+    rotors = (f.rotor * ca.mtimes(f.J.T, f.J) for f in freedoms if present(f.rotor))
+    return sum(rotors, SX(nv, nv))
 
 
 def rotor_forces(

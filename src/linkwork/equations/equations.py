@@ -343,7 +343,7 @@ class Equations:
             return solve_symmetric(self.inertia[0], forces)
         tree, w = self.tree, self.rates
         forces = ca.mtimes(self.elimination.L, applied) + effects.joint_forces(self.freedoms, w)
-        rotors = ca.diag(effects.rotor_inertia(self.freedoms, self.nv))
+        rotors = ca.densify(ca.diag(effects.rotor_inertia(self.freedoms, self.nv)))
         wrenches = self.wrenches
         bounds = articulated.largest(self.mechanism, tree) + rotors
         heavy = articulated.heaviness(self.mechanism, tree, bounds)
