@@ -465,8 +465,8 @@ def test_axes_that_are_parallel_but_for_rounding_leave_nothing_open_that_counts(
         )
 
 
-def floating_arm() -> lw.Robot:
-    """Return a hinge and a slide on a base that floats."""
+def arm_of(base: Any = lw.FreeJoint) -> lw.Robot:
+    """Return a hinge and a slide on a base, which floats."""
     inertia = lw.Inertia(xx=0.02, yy=0.03, zz=0.04)
     pin = lw.JournalBearing(friction=rubs(0.2, 1e-3), radius=0.03)
     bodies = {
@@ -482,13 +482,13 @@ def floating_arm() -> lw.Robot:
         bearing=lw.SlidingBearing(friction=rubs(0.2, 1e-3)),
         spring=lw.Spring(stiffness=50.0),
     )
-    joints = {"base": lw.FreeJoint(connects=("ground", "base")), "hip": hip, "slide": slides}
+    joints = {"base": base(connects=("ground", "base")), "hip": hip, "slide": slides}
     return lw.Robot(lw.Mechanism(bodies=bodies, joints=joints, gravity=(0.0, -G, 0.0)))
 
 
 def test_steps_end_where_what_a_slide_carries_across_its_axis_turns_round():
     """With these kinks within steps the balance is 6e-6 J off."""
-    robot = floating_arm()
+    robot = arm_of()
     start = dict.fromkeys(robot.rates, 0.0) | {"base.x": 0.5, "hip": 2.0, "slide": -3.0}
     run = robot.simulate(robot.home.with_rates(start), duration=1.0, rtol=1e-9, atol=1e-11)
     close(run["energy_balance"].values, 0 * run.time, 1e-8)
@@ -499,6 +499,26 @@ def test_steps_end_where_what_a_slide_carries_across_its_axis_turns_round():
     at = run.coords["event_time"].values[told.index(turn)]
     ended = robot.simulate(robot.home.with_rates(start), duration=at, rtol=1e-9, atol=1e-11)
     assert abs(robot.reactions(ended.final, [], frame="first")["slide"][4]) < 1e-6
+
+
+def test_derivatives_of_runs_over_kinks_of_friction_are_right_or_refused():
+    """Steps of the stiff method, which begin at the kink, would be 2 % off."""
+    robot = lw.Robot(arm_of(lw.FixedJoint).mechanism, free=("lower.mass",))
+    asked: Any = {"duration": 0.4, "samples": 2}
+    state = robot.home.with_rates({"hip": 2.0, "slide": -3.0})
+    run = robot.simulate(state, rtol=1e-10, atol=1e-12, **asked)
+    assert "slide: load across 1 turns round" in run.coords["event"].values
+    found = run.sensitivity("joint_position", "parameters")["joint_position"].values[-1, :, 0]
+    ends = [
+        robot.with_parameters({"lower.mass": 0.7 + h})
+        .simulate(state, rtol=1e-12, atol=1e-14, **asked)["joint_position"]
+        .values[-1]
+        for h in (1e-5, -1e-5)
+    ]
+    close(found, (ends[0] - ends[1]) / 2e-5, 1e-6)
+    stiff = robot.simulate(state, method="rodas", **asked)
+    with pytest.raises(lw.LinkworkError, match="are not differentiated from where friction has a"):
+        stiff.sensitivity("joint_position", "parameters")
 
 
 def test_derivatives_where_a_bearing_carries_nothing_but_for_friction():

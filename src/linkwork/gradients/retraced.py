@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linkwork.control.acting import Acting
+from linkwork.control.events import LineLoad
 from linkwork.errors import LinkworkError
 from linkwork.gradients import run_kernels
 from linkwork.gradients.links import (
@@ -308,7 +309,7 @@ class OfSegment:
         kernels = self.whole.acting, self.chart, self.whole.cost
         return Steps(
             run_kernels.addresses(*kernels),
-            run_kernels.stiff_addresses(*kernels) if self.segment.method == RODAS.name else None,
+            run_kernels.stiff_addresses(*kernels) if self.stiff else None,
             self.sizes,
             self.system.p(self.chart),
             plan.table,
@@ -323,6 +324,20 @@ class OfSegment:
             times[between],
             numbers[between],
         )
+
+    @cached_property
+    def stiff(self) -> bool:
+        """Whether its steps are those of the stiff method, which takes slopes where they begin: it
+        is refused that one begins at a kink of friction."""
+        if self.segment.method != RODAS.name:
+            return False
+        for event in map(self.system.events.__getitem__, self.cuts.values()):
+            if isinstance(event.function, LineLoad):
+                raise LinkworkError(
+                    "steps of 'rodas' are not differentiated from where friction has a kink, "
+                    f"{event.name!r}; take another method, such as 'sharp_smart'"
+                )
+        return True
 
     @cached_property
     def acts(self) -> set[int]:
