@@ -311,11 +311,12 @@ class Passage:
         system, settings, robot, turning = self.system, self.settings, self.robot, self.turning
         size = robot.equations.nq + robot.mobility + len(system.states)
         tolerances = system.tolerances(chart, settings.rtol, settings.atol, size)
+        p = system.p(chart)
         return Problem(
             system.motion(chart),
             chart.single("closure_step").early_address if robot.equations.constrained else 0,
             self.with_jacobian.jacobian(chart) if method.stiff else 0,
-            system.p(chart),
+            p,
             inputs,
             self.watch if system.acting else None,
             system.conditions(chart, self.watching) if system.acting else None,
