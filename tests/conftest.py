@@ -58,7 +58,10 @@ def one_at_a_time(compile_or_load: Callable[..., Any]) -> Callable[..., Any]:
     one meanwhile, be it asked for by itself or by a module that needs it."""
 
     def locked(function: FunctionType, *given: object) -> Any:
-        with Path(function.__code__.co_filename).open() as lock:
+        path = Path(function.__code__.co_filename)
+        if not path.exists():  # nor is there anything kept of it
+            return compile_or_load(function, *given)
+        with path.open() as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             return compile_or_load(function, *given)
 

@@ -231,6 +231,10 @@ for f in (random_function(1), random_function(1, 5000)):
         text = module_text(simplify(trace(f)), this_machine(), kind)
         print(hashlib.sha256(text.encode()).hexdigest())
 print(cache.key(f.serialize(), this_machine().identity))
+from linkwork.equations import derive, functions
+from tests.robot.test_bearings import arm_of
+derived = functions.motion(derive(arm_of().mechanism))
+print(hashlib.sha256(derived.serialize().encode()).hexdigest())
 """
 
 

@@ -168,7 +168,7 @@ class BearingLoads:
             for wrench in self.closing[joint]:
                 moment, force = plus((moment, force), wrench.about(point))
             return moment, force
-        behind = {name for name in self.needed if joint in inward(equations, name)}
+        behind = [name for name in self.needed if joint in inward(equations, name)]
         for name in behind:
             moment, force = plus((moment, force), self.needed[name].about(point))
         for name, wrenches in self.closing.items():

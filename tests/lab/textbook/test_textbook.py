@@ -346,7 +346,7 @@ def test_a_wrong_number_of_actuators_is_refused():
     for actuators in (("slide_1", "slide_2"), ("slide_1", "slide_2", "slide_3", "pivot_1")):
         mechanism = prr3().model_copy(update={"actuators": actuators})
         with pytest.raises(
-            LinkworkError, match=rf"3-PRR has 3 freedoms .* but {len(actuators)} actuators"
+            LinkworkError, match=rf"3-PRR has the mobility 3 .* but {len(actuators)} actuators"
         ):
             Textbook(mechanism).reference  # noqa: B018
 
