@@ -210,15 +210,23 @@ def told(
     if (found := robot.directly(name).at(state, v_dot)) is not None:
         return found
     # Stacks, weak orders of elimination, and what is to be refused.
-    independent, given, what = robot.own(state).independent, state.rates, "rates"
-    inputs = () if name in ("actuation", "maps") else (given,)
-    if v_dot is not None:
-        given, what = checks.accelerations(v_dot, independent), "accelerations"
-        checks.together(state.batch, given.shape[:-1])
-        inputs = state.rates, given
+    given, what = of_motion(robot.own(state), v_dot)
+    inputs = () if name in ("actuation", "maps") else given
     *found, pivot = outputs(robot, name, state, *inputs)
-    require_regular(robot, state, pivot, found[LOOKED_AT.get(name, -1)], given, what)
-    return shaped(name, found, len(independent))
+    require_regular(robot, state, pivot, found[LOOKED_AT.get(name, -1)], given[-1], what)
+    return shaped(name, found, len(state.independent))
+
+
+def of_motion(
+    state: State, v_dot: ArrayLike | Mapping[str, ArrayLike] | None
+) -> tuple[tuple[np.ndarray, ...], str]:
+    """Return what a kernel takes of a motion beside q, v and v' if it is given, and the name of the
+    last of them."""
+    if v_dot is None:
+        return (state.rates,), "rates"
+    accelerations = checks.accelerations(v_dot, state.independent)
+    checks.together(state.batch, accelerations.shape[:-1])
+    return (state.rates, accelerations), "accelerations"
 
 
 def require_regular(

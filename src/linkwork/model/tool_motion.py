@@ -25,7 +25,7 @@ from linkwork.mechanism.task import label
 from linkwork.model import checks
 from linkwork.model.charts import CompiledChart
 from linkwork.model.directly import DirectCalls
-from linkwork.model.evaluation import require_regular
+from linkwork.model.evaluation import of_motion, require_regular
 from linkwork.model.reordering import evaluated
 from linkwork.model.state import State
 from linkwork.model.task import Task
@@ -49,14 +49,10 @@ def led(
     if (found := robot.once(led_directly, *kind).at(state, accelerations)) is not None:
         return found
     # Stacks, weak orders of elimination, and what is to be refused.
-    chart, given, what = robot.chart_of(robot.own(state)), state.rates, "rates"
-    inputs = state.q, state.rates
-    if accelerations is not None:
-        given, what = checks.accelerations(accelerations, state.independent), "accelerations"
-        checks.together(state.batch, given.shape[:-1])
-        inputs = *inputs, given
+    chart = robot.chart_of(robot.own(state))
+    given, what = of_motion(state, accelerations)
     J, *found, steep, pivot = evaluated(
-        robot, chart, lambda other: led_kernel(other, *kind), *inputs
+        robot, chart, lambda other: led_kernel(other, *kind), state.q, *given
     )
     if checks.weakest(pivot) > checks.PIVOT_BOUND and not np.isfinite(steep).all():
         wrong = ~np.isfinite(steep.reshape(-1, len(task))).all(axis=0)
@@ -64,7 +60,7 @@ def led(
             f"the tool's {label(task[int(np.argmax(wrong))])} has no rate at this pose; choose "
             "another coordinate there"
         )
-    require_regular(robot, state, pivot, found[-1], given, what)
+    require_regular(robot, state, pivot, found[-1], given[-1], what)
     J = J.reshape(*J.shape[:-1], len(state.independent), len(task))
     return np.swapaxes(J, -1, -2), *found, steep
 
