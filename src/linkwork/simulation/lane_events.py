@@ -64,7 +64,7 @@ from linkwork.simulation.native_parts import (
 )
 from linkwork.simulation.pointers import call, pointer
 from linkwork.simulation.status import Status
-from linkwork.simulation.structures import memory_of, numba_type
+from linkwork.simulation.structures import memory_of, numba_type, tuple_type
 from linkwork.simulation.vectors import (
     COUNT_TABLE,
     LANES,
@@ -111,21 +111,18 @@ class EventTables(NamedTuple):
     free: int
 
 
-def named(kind, *fields):
-    """Return Numba's type of a named tuple."""
-    return types.BaseTuple.from_types(fields, kind)
-
-
 _whole, _number = types.intp, types.float64
 _table = types.Array(_number, 2, "C", readonly=True)
 _numbers, _rows, _cubes = (types.Array(_number, dimensions, "C") for dimensions in (1, 2, 3))
 _wholes = types.Array(_whole, 1, "C")
-OCCASIONS = named(Occasions, types.UniTuple(_whole, len(Kernels._fields)), _whole, _rows, _whole)
-SIGNALS = named(Signals, _numbers, _cubes, _wholes, _numbers, _wholes, types.boolean)
+OCCASIONS = tuple_type(
+    Occasions, types.UniTuple(_whole, len(Kernels._fields)), _whole, _rows, _whole
+)
+SIGNALS = tuple_type(Signals, _numbers, _cubes, _wholes, _numbers, _wholes, types.boolean)
 WHAT_HAPPENS = _rows(
     _whole, OCCASIONS, INTEGRATION, numba_type(Method), SIGNALS, _number, _rows,
-    named(Tables, *[TABLE] * 14, COUNT_TABLE, _whole, _whole, _number),
-    named(EventTables, *[TABLE] * 4, _whole, _whole),
+    tuple_type(Tables, *[TABLE] * 14, COUNT_TABLE, _whole, _whole, _number),
+    tuple_type(EventTables, *[TABLE] * 4, _whole, _whole),
 )  # fmt: skip
 
 

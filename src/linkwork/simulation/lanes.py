@@ -36,7 +36,6 @@ from linkwork.simulation.lane_events import (
     STEPPING,
     event_tables,
     happen,
-    named,
     rooms_for,
     run_alone,
 )
@@ -94,6 +93,7 @@ from linkwork.simulation.native_loop import LOOK
 from linkwork.simulation.native_pace import sixteenths
 from linkwork.simulation.native_parts import OK, RESERVE, Kernels, method_of
 from linkwork.simulation.pointers import pointer, uncounted
+from linkwork.simulation.structures import tuple_type
 from linkwork.simulation.vectors import LANES, as_table, call_wide, load, some, splat, store
 
 
@@ -235,17 +235,17 @@ _numbers, _rows, _tables = (types.Array(types.float64, dimensions, "C") for dime
 _wholes, _counts = (types.Array(types.intp, dimensions, "C") for dimensions in (1, 2))
 _whole, _number = types.intp, types.float64
 _SIGNATURE = (
-    types.BaseTuple.from_types([_whole] * len(Kernels._fields), Kernels),
+    tuple_type(Kernels, *[_whole] * len(Kernels._fields)),
     _array,
-    named(Demands, _number, _number, _number, types.boolean),
-    named(Sizes, _rows, _rows),
+    tuple_type(Demands, _number, _number, _number, types.boolean),
+    tuple_type(Sizes, _rows, _rows),
     _table,
     SIGNALS,
-    named(LaneSignals, _numbers, _tables, _wholes, _rows, _wholes),
+    tuple_type(LaneSignals, _numbers, _tables, _wholes, _rows, _wholes),
     OCCASIONS,
-    named(Roster, _rows, _rows, _rows, _counts),
+    tuple_type(Roster, _rows, _rows, _rows, _counts),
     _array,
-    named(Results, _tables, _rows, _counts),
+    tuple_type(Results, _tables, _rows, _counts),
     _wholes,
     _wholes,
 )

@@ -43,7 +43,12 @@ def numba_type(kind: Any) -> Any:
     """Return Numba's type of a number, a pointer or a named tuple of them."""
     if kind in _KINDS:
         return _KINDS[kind]
-    return types.BaseTuple.from_types([_KINDS[k] for k in kind.__annotations__.values()], kind)
+    return tuple_type(kind, *[_KINDS[k] for k in kind.__annotations__.values()])
+
+
+def tuple_type(kind: type, *fields: types.Type) -> Any:
+    """Return Numba's type of a named tuple whose fields have these types."""
+    return types.BaseTuple.from_types(fields, kind)
 
 
 @register_model(Structure)

@@ -45,6 +45,7 @@ from linkwork.simulation.native_parts import (
     without,
 )
 from linkwork.simulation.pointers import POINTER, pointer, uncounted
+from linkwork.simulation.structures import tuple_type
 from linkwork.simulation.vectors import (
     LANES,
     VECTOR,
@@ -402,17 +403,13 @@ def large(shortest, block):
     return some((largest >= splat(shortest)) | (load(block.now, LOOSE) >= splat(1.0 + 1e-15)))
 
 
-def _tuple(kind, *fields):
-    return types.BaseTuple.from_types(fields, kind)
-
-
 _list = types.Array(types.float64, 1, "C", readonly=True)
 _rows, _codes = types.Array(types.float64, 2, "C"), types.Array(types.intp, 1, "C")
 _wholes = types.Array(types.intp, 1, "C", readonly=True)
 SIGNATURE = (
     *(types.intp, types.intp, _list, _list, types.boolean),
-    _tuple(Herd, _rows, _rows, _rows, _rows, _rows, _rows, _codes),
-    _tuple(StepDemands, _rows, types.float64, types.float64, types.boolean, types.intp),
+    tuple_type(Herd, _rows, _rows, _rows, _rows, _rows, _rows, _codes),
+    tuple_type(StepDemands, _rows, types.float64, types.float64, types.boolean, types.intp),
     _wholes,
 )
 
