@@ -88,10 +88,8 @@ def circle(
         law: motion law.
     """
     middle = finite("the centre", centre, (2, 3))
-    radius, start = (
-        checks.positive(radius, "the radius"),
-        checks.number(start, "the angle of the first point"),
-    )
+    radius = checks.positive(radius, "the radius")
+    start = checks.number(start, "the angle of the first point")
     fixed = np.concatenate([middle[2:], fixed_orientation(orientation, middle.size)])
     sweep = 2 * np.pi * checks.number(turns, "the number of turns")
 

@@ -189,10 +189,10 @@ def search(square: Square, asked: np.ndarray, key, most: int, seed: int) -> Mode
     if not isinstance(most, int) or most < 1:
         raise LinkworkError(f"starts is {most!r}; give a whole number above zero")
     problem, random = solver(square), np.random.default_rng(seed)
-    gathered, tried = (
-        Gathered.none(square.equations.nq, key(square, square.equations.reference[None]).shape[1]),
-        0,
+    gathered = Gathered.none(
+        square.equations.nq, key(square, square.equations.reference[None]).shape[1]
     )
+    tried = 0
     while tried < most:
         count = min(ROUND, most - tried)
         q, good = problem.solve(scattered(problem, asked, count, random), asked, ITERATIONS)

@@ -158,10 +158,8 @@ def in_good_rates(robot: Robot, state: State) -> State:
 
 def alike(robot: Robot, one: State, other: State) -> bool:
     """Tell whether all bodies are in the same poses."""
-    poses, sizes = (
-        (robot.body_poses(one), robot.body_poses(other)),
-        (robot.equations.tree.length, 1.0),
-    )
+    poses = (robot.body_poses(one), robot.body_poses(other))
+    sizes = (robot.equations.tree.length, 1.0)
     return all(
         np.allclose(a / size, b / size, atol=SAME)
         for name in poses[0]

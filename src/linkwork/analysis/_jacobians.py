@@ -190,11 +190,9 @@ def input_output(
     rows, n = made.rows, len(made.what)
     A, B = np.zeros((len(q), n, n)), np.zeros((len(q), n, n))
     kept, widths = list(robot.equations.chart.rows), robot.equations.tree.rate_units
-    loops, x_heights, q_heights = (
-        robot.equations.rows.units[kept],
-        made.inverse.heights,
-        made.direct.heights,
-    )
+    loops = robot.equations.rows.units[kept]
+    x_heights = made.inverse.heights
+    q_heights = made.direct.heights
     for k, one in enumerate(q):
         Phi, J_x, J_q = (np.array(part) for part in rows(one, robot.p))
         for i in range(n):

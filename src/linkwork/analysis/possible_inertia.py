@@ -188,10 +188,8 @@ def possible(identification: Identification, *, spread: float = 1.0) -> Mechanis
     robot, names = base.regressor.robot, base.regressor.names
     mechanism = robot.mechanism
     # Bodies about which others are sought, and effects of joints beside them.
-    whole, length = (
-        sum(body.mass for body in mechanism.bodies.values()),
-        robot.equations.tree.length,
-    )
+    whole = sum(body.mass for body in mechanism.bodies.values())
+    length = robot.equations.tree.length
     bodies = {
         name: PossibleBody.of(body, whole or 1.0, length) for name, body in mechanism.bodies.items()
     }

@@ -310,10 +310,8 @@ def commanded(tracer: Tracer, law: Law | Sampler | None, states: Sequence[str]) 
         return Command(given, given=given)
     if isinstance(law, Sampler):
         held = ca.SX.sym("held", len(actuators) * (law.late + 1))
-        now, later = (
-            ca.vertcat(NONE, *ca.vertsplit(held)[: len(actuators)]),
-            ca.vertsplit(held)[len(actuators) :],
-        )
+        now = ca.vertcat(NONE, *ca.vertsplit(held)[: len(actuators)])
+        later = ca.vertsplit(held)[len(actuators) :]
         if not law.compiled:
             return Command(now, held=held)
         newest = tracer.trace(law.law, lambda result: column(result, actuators, what), what)
@@ -390,10 +388,8 @@ def closed(
         "extras": ca.vertcat(NONE, *tracer.extras.values()),
         "parameters": ca.vertcat(NONE, *(symbol for _, symbol in tracer.parameters.values())),
     }
-    symbols, labels = (
-        [*inputs.values(), *quantities.values()],
-        [*inputs, *(f"q{i}" for i in range(len(quantities)))],
-    )
+    symbols = [*inputs.values(), *quantities.values()]
+    labels = [*inputs, *(f"q{i}" for i in range(len(quantities)))]
     dense = [ca.densify(output) for output in outputs]
     return (
         ca.Function("acting", symbols, dense, labels, list(OUTPUTS)),

@@ -149,10 +149,8 @@ def solved(
     part, level = ca.MX.sym("part", len(chosen.names)), ca.MX.sym("level")
     p, functions = chosen.parameters(part), chosen.robot.functions()
     scale = scale_of(start)
-    x, begin = (
-        [part, level],
-        [(chosen.start - chosen.lower) / chosen.width, np.array([start / scale])],
-    )
+    x = [part, level]
+    begin = [(chosen.start - chosen.lower) / chosen.width, np.array([start / scale])]
     equations, margins = [], []
     for measure, t in [(objective, scale * level), *bounds.items()]:
         points = measure.points(chosen.robot, functions)

@@ -220,11 +220,9 @@ def refuse_open(equations: Equations) -> None:
     left, values, _ = np.linalg.svd(J / sizes[:, None])
     unfelt = left[:, int((values > DEPENDENT_ROW * values.max(initial=0.0)).sum()) :]
     for own, of in zip(loads.rubbing, loads.vectors, strict=True):
-        carried, changes, found = (
-            found[: len(of)],
-            found[len(of) : 2 * len(of)],
-            found[2 * len(of) :],
-        )
+        carried = found[: len(of)]
+        changes = found[len(of) : 2 * len(of)]
+        found = found[2 * len(of) :]
         for x, change in zip(carried, changes, strict=True):
             every_change = np.abs(change / sizes).max(initial=0.0)
             along = np.abs(x.T @ (change / sizes @ unfelt)).max(initial=0.0)

@@ -196,8 +196,7 @@ def choose_orders(
 
     Returns:
         (groups, stages, determinants) for each order: the groups that have it, its blocks stage by
-            stage, and their
-        determinants at the groups' first samples (groups x blocks).
+            stage, and their determinants at the groups' first samples (groups x blocks).
     """
     asked = [] if asked is None else asked
     columns_of = {r: tuple(c for c in pattern[r] if c not in independent) for r in rows}
@@ -243,10 +242,8 @@ def stage_orders(
             found.append((members, blocks, determinants))
             continue
         for block, own in next_blocks(values, constant, len(members), asked):
-            rest, steady = (
-                {r: {c: value[own] for c, value in row.items()} for r, row in values.items()},
-                set(constant),
-            )
+            rest = {r: {c: value[own] for c, value in row.items()} for r, row in values.items()}
+            steady = set(constant)
             determinant = nonzero(block_determinants(rest, block, own.size))
             asked.append(block)
             eliminate_values(rest, steady, block)
@@ -298,9 +295,8 @@ def _triangular(
     import networkx as nx
 
     graph, pattern = nx.Graph(), dict(rows)
-    graph.add_nodes_from(
-        sorted(pattern)
-    )  # a column c is the node -1 - c: numbers keep one order on every machine
+    # A column c is the node -1 - c: numbers keep one order on every machine.
+    graph.add_nodes_from(sorted(pattern))
     graph.add_edges_from((r, -1 - c) for r in sorted(pattern) for c in pattern[r])
     matching = nx.bipartite.hopcroft_karp_matching(graph, sorted(pattern))
     leads = nx.DiGraph()

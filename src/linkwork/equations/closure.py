@@ -361,13 +361,7 @@ def biases(tree: Tree, cut: Cut, rates: ca.SX) -> list[ca.SX]:
 
 
 def open_bias(
-    cut: Cut,
-    row: Row,
-    omega: ca.SX,
-    alpha: ca.SX,
-    v: ca.SX,
-    a: ca.SX,
-    turning: ca.SX,
+    cut: Cut, row: Row, omega: ca.SX, alpha: ca.SX, v: ca.SX, a: ca.SX, turning: ca.SX
 ) -> ca.SX:
     """Return gamma of a row of a joint whose origins part: omega, alpha of this side, v, a of that
     point less its node's."""

@@ -22,11 +22,7 @@ from linkwork.equations.growing import grow
 from linkwork.equations.independence import choose_independent, independent_rows
 from linkwork.equations.joint_map import JointMap, counted, derivative
 from linkwork.equations.lengths import loop_length, own_length
-from linkwork.equations.reference import (
-    described,
-    guess,
-    starts,
-)
+from linkwork.equations.reference import described, guess, starts
 from linkwork.equations.topology import Topology, counting, driven_rates, ended, span
 from linkwork.equations.tree import Tree
 from linkwork.mechanism import Mechanism, MechanismError

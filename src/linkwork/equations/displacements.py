@@ -86,7 +86,4 @@ def _turned(R: ca.SX) -> ca.SX:
 def _put(frame: Frame, body: str, place: Places) -> tuple[ca.SX, ca.SX]:
     """Return R and the origin of a frame of a body."""
     R, origin = place(body)
-    return (
-        ca.mtimes(R, SX(frame_matrix(frame))),
-        origin + ca.mtimes(R, vector(frame.position)),
-    )
+    return ca.mtimes(R, SX(frame_matrix(frame))), origin + ca.mtimes(R, vector(frame.position))

@@ -68,11 +68,9 @@ def project_inward(
         own = axes
         for inner in reversed(tree.path(node)):
             if inner is not node:
-                N, F, own = (
-                    convert(N, own, inner.column_axes),
-                    convert(F, own, inner.column_axes),
-                    inner.column_axes,
-                )
+                N = convert(N, own, inner.column_axes)
+                F = convert(F, own, inner.column_axes)
+                own = inner.column_axes
             for other in inner.columns:
                 H[i, other.rate] = H[other.rate, i] = along(inner, other, N, F)
             N, F, own = (convert(N, own, inner.before), convert(F, own, inner.before), inner.before)

@@ -150,10 +150,7 @@ def between(first: list[tuple[ca.SX, Number]], second: list[tuple[ca.SX, Number]
     """Return where two bodies meet, each a ball or all between two balls."""
     (p, q), radii = (
         nearest([end for end, _ in first], [end for end, _ in second]),
-        (
-            first[0][1],
-            second[0][1],
-        ),
+        (first[0][1], second[0][1]),
     )
     apart = q - p
     distance = ca.sqrt(ca.sumsqr(apart) + TINY)

@@ -199,11 +199,9 @@ def ended(mechanism: Mechanism, topology: Topology, names: Sequence[str]) -> Top
     That body is then fixed to the one that the joint leads to: the joint's coordinates are the
     tree's, and count turns.
     """
-    branches, joints, closing = (
-        list(topology.branches),
-        dict(topology.joints),
-        dict(topology.closing),
-    )
+    branches = list(topology.branches)
+    joints = dict(topology.joints)
+    closing = dict(topology.closing)
     for name in names:
         joint, end = closing[name], f"end of {name}"
         first, second = joint.connects

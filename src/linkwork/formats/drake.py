@@ -22,11 +22,9 @@ from linkwork.formats.xml import Element, shortened
 from linkwork.mechanism import Frame, Joint, PointSpring, RodJoint, SphericalJoint
 
 JOINT = "drake:joint"
-BALL, DISTANCE, SPRING = (
-    "drake:ball_constraint",
-    "drake:distance_constraint",
-    "drake:linear_spring_damper",
-)
+BALL = "drake:ball_constraint"
+DISTANCE = "drake:distance_constraint"
+SPRING = "drake:linear_spring_damper"
 BETWEEN = (BALL, DISTANCE, SPRING)
 BUSHING = "drake:linear_bushing_rpy"
 SOFT = (

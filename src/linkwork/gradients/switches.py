@@ -75,11 +75,9 @@ def modes(of: ca.Function, given: list[ca.SX], of_time: ca.SX) -> list[ca.SX]:
     found, fixed = [], {x.element_hash() for x in ca.symvar(of_time)}
     flat = [ca.vertsplit(ca.vec(x)) for x in given]
     for k in range(of.n_instructions()):
-        op, inputs, outputs = (
-            of.instruction_id(k),
-            of.instruction_input(k),
-            of.instruction_output(k),
-        )
+        op = of.instruction_id(k)
+        inputs = of.instruction_input(k)
+        outputs = of.instruction_output(k)
         if op == ca.OP_INPUT:
             work[outputs[0]] = flat[inputs[0]][inputs[1]]
         elif op == ca.OP_CONST:

@@ -1,5 +1,7 @@
 """The instructions of a program's sections, for one number or for a vector of them."""
 
+from collections.abc import Sequence
+
 from linkwork.kernels.fused import NEGATED
 from linkwork.kernels.lines import Lines
 from linkwork.kernels.program import Operation, Program
@@ -26,59 +28,19 @@ _INTRINSICS = {
     "fmin": "minnum",
     "fmax": "maxnum",
 }
-# Which operands of a product and a sum that are rounded together count negative.
 _COMPARISONS = {"lt": "olt", "le": "ole", "eq": "oeq", "ne": "une"}
 _LOGICAL = {"and": "and", "or": "or"}
 
 
-class SectionBody:
-    """The code of sections, which reads %in and writes %out: values by position, as numbers or as
-    truths, made when needed.
+class OperationValues:
+    """The values of operations by their positions, as numbers or as truths, made when needed; those
+    that no operation here computes are fetched."""
 
-    What other sections compute is read from the slots at `source`; what they need is written to the
-    slots at `target`. So many vectors lie `abreast` in a row of %in and of %out; the first `shared`
-    inputs are single numbers for all lanes, and whole vectors follow them.
-    """
-
-    def __init__(
-        self,
-        lines: Lines,
-        program: Program,
-        plan: SectionPlan,
-        source: str,
-        target: str,
-        abreast: int,
-        shared: int = 0,
-    ):
+    def __init__(self, lines: Lines, nodes: Sequence[Operation]):
         self.lines = lines
-        self.nodes = program.nodes
-        self.plan = plan
-        self.source = source
-        self.target = target
-        self.abreast = abreast
-        self.shared = shared
+        self.nodes = nodes
         self._numbers: dict[int, str] = {}
         self._truths: dict[int, str] = {}
-        self._turned: dict[int, tuple[str, str]] = {}
-
-    def add(self, section: Section) -> None:
-        """Append the code of a section but for its sines and cosines."""
-        for k in section.nodes:
-            if self.nodes[k].op not in FETCHED:
-                self._compute(k, self.nodes[k])
-            if k in self.plan.kept:
-                self.lines.store(self.number(k), self.target, self.plan.kept[k])
-        results = {place: k for k in section.nodes for place in self.plan.places.get(k, ())}
-        for place in sorted(results):
-            self._give(place, self.number(results[place]))
-
-    def _give(self, place: int, number: str) -> None:
-        """Write a result."""
-        self.lines.store(number, "%out", place * self.abreast)
-
-    def turn(self, angle: int, sine: str, cosine: str) -> None:
-        """Take the names of the sine and the cosine of the angle at that position."""
-        self._turned[angle] = sine, cosine
 
     def number(self, k: int) -> str:
         """Return the name of the value at position k as a number; a truth is 1 or 0."""
@@ -100,16 +62,8 @@ class SectionBody:
         )
 
     def _fetched(self, k: int) -> str:
-        op, args, value = self.nodes[k]
-        if op == "input" and value < self.shared:
-            return self.lines.single("%in", int(value))
-        if op == "input":
-            return self.lines.load(
-                "%in", vector_place(int(value), self.shared, self.lines.width) * self.abreast
-            )
-        if op in ("sin", "cos") and args[0] in self._turned:
-            return self._turned[args[0]][op == "cos"]
-        return self.lines.load(self.source, self.plan.slot(k))
+        """Append what gives the value at position k from elsewhere."""
+        raise NotImplementedError
 
     def _compute(self, k: int, node: Operation) -> None:
         lines, op, args = self.lines, node.op, node.args
@@ -152,19 +106,75 @@ class SectionBody:
         return lines.select(lines.compare("olt", x, zero), lines.constant(-1.0), positive)
 
 
+class SectionBody(OperationValues):
+    """The code of sections, which reads %in and writes %out.
+
+    What other sections compute is read from the slots at `source`; what they need is written to the
+    slots at `target`. So many vectors lie `abreast` in a row of %in and of %out; the first `shared`
+    inputs are single numbers for all lanes, and whole vectors follow them.
+    """
+
+    def __init__(
+        self,
+        lines: Lines,
+        program: Program,
+        plan: SectionPlan,
+        source: str,
+        target: str,
+        abreast: int,
+        shared: int = 0,
+    ):
+        super().__init__(lines, program.nodes)
+        self.plan = plan
+        self.source = source
+        self.target = target
+        self.abreast = abreast
+        self.shared = shared
+        self._turned: dict[int, tuple[str, str]] = {}
+
+    def add(self, section: Section) -> None:
+        """Append the code of a section but for its sines and cosines."""
+        for k in section.nodes:
+            if self.nodes[k].op not in FETCHED:
+                self._compute(k, self.nodes[k])
+            if k in self.plan.kept:
+                self.lines.store(self.number(k), self.target, self.plan.kept[k])
+        results = {place: k for k in section.nodes for place in self.plan.places.get(k, ())}
+        for place in sorted(results):
+            self._give(place, self.number(results[place]))
+
+    def _give(self, place: int, number: str) -> None:
+        """Write a result."""
+        self.lines.store(number, "%out", place * self.abreast)
+
+    def turn(self, angle: int, sine: str, cosine: str) -> None:
+        """Take the names of the sine and the cosine of the angle at that position."""
+        self._turned[angle] = sine, cosine
+
+    def _fetched(self, k: int) -> str:
+        op, args, value = self.nodes[k]
+        if op == "input" and value < self.shared:
+            return self.lines.single("%in", int(value))
+        if op == "input":
+            return self.lines.load(
+                "%in", vector_place(int(value), self.shared, self.lines.width) * self.abreast
+            )
+        if op in ("sin", "cos") and args[0] in self._turned:
+            return self._turned[args[0]][op == "cos"]
+        return self.lines.load(self.source, self.plan.slot(k))
+
+
 def vector_place(k: int, shared: int, width: int) -> int:
     """Return the place in vectors of input k, behind so many single numbers."""
     return k - shared + -(-shared // width)
 
 
-class PartBody(SectionBody):
+class PartBody(OperationValues):
     """The code of a part, which reads its arguments where the places at %row say (offsets in bytes,
     each of 32 bits), and at %numbers."""
 
     def __init__(self, lines: Lines, part: Part):
-        self.lines = lines
-        self.nodes = part.nodes
-        self._numbers, self._truths, self._turned = {}, {}, {}
+        super().__init__(lines, part.nodes)
         self._part = part
 
     def compute(self) -> None:

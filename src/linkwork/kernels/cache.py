@@ -12,6 +12,7 @@ import hashlib
 import os
 import tempfile
 import warnings
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from importlib import resources
@@ -41,6 +42,17 @@ def key(*parts: str) -> str:
     return digest.hexdigest()
 
 
+def kept(name: str, make: Callable[[], bytes]) -> tuple[bytes, bool]:
+    """Return the content of an entry, made and written where there is none; and whether it was
+    there."""
+    content = read(name)
+    if content is not None:
+        return content, True
+    content = make()
+    write(name, content)
+    return content, False
+
+
 def read(name: str) -> bytes | None:
     """Return the content of an entry, or None where there is none or it is damaged
     (with a warning)."""
@@ -49,15 +61,12 @@ def read(name: str) -> bytes | None:
         data = path.read_bytes()
     except OSError:
         return None
-    mark, checksum, content = (
-        data[: len(_MARK)],
-        data[len(_MARK) :][:_HASH_BYTES],
-        data[len(_MARK) + _HASH_BYTES :],
-    )
-    if mark == _MARK and checksum == hashlib.sha256(content).digest():
+    marked = data.removeprefix(_MARK)
+    checksum, content = marked[:_HASH_BYTES], marked[_HASH_BYTES:]
+    if data.startswith(_MARK) and checksum == hashlib.sha256(content).digest():
         return content
     warnings.warn(
-        f"The cached kernel {path} is damaged; it is compiled anew.", RuntimeWarning, stacklevel=3
+        f"The cached kernel {path} is damaged; it is compiled anew.", RuntimeWarning, stacklevel=4
     )
     return None
 
@@ -99,7 +108,7 @@ def _warn_unwritable(place: Path, reason: str) -> None:
         f"Kernels cannot be cached in {place} ({reason}) and are compiled at every start;"
         " set LINKWORK_CACHE_DIR to a folder that can be written.",
         RuntimeWarning,
-        stacklevel=4,
+        stacklevel=5,
     )
 
 

@@ -7,7 +7,7 @@ from functools import cache
 
 import llvmlite.binding as llvm
 
-from linkwork.kernels import cache as kept
+from linkwork.kernels.cache import kept, key
 from linkwork.kernels.emit import LIBRARY
 from linkwork.kernels.machine import Machine
 
@@ -49,11 +49,7 @@ class Code:
 def shared_code(text: str, machine: Machine, functions: tuple[str, ...], **beside: int) -> Code:
     """Return the code of an LLVM module that serves all kernels, compiled or taken from the cache;
     functions, beside: as `Code` takes them."""
-    entry = kept.key(text, machine.identity)
-    content = kept.read(entry)
-    if content is None:
-        content = object_code(text, machine)
-        kept.write(entry, content)
+    content, _ = kept(key(text, machine.identity), lambda: object_code(text, machine))
     return Code(content, functions, **beside)
 
 

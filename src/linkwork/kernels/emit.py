@@ -217,9 +217,8 @@ def turn(body: SectionBody, section: Section, wide: Lines, machine: Machine) -> 
         pairs = [
             pair for s, c in turned for pair in zip(wide.entries(s), wide.entries(c), strict=True)
         ]
-    for k, (sine, cosine) in zip(
-        section.angles, pairs, strict=False
-    ):  # the last vector may not be full
+    # The last vector may not be full.
+    for k, (sine, cosine) in zip(section.angles, pairs, strict=False):
         body.turn(k, sine, cosine)
 
 

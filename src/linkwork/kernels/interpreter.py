@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.kernels import angles, cache, elementary
-from linkwork.kernels.body import LIBRARY, SectionBody
+from linkwork.kernels.body import LIBRARY, OperationValues
 from linkwork.kernels.bound import BoundFunction
 from linkwork.kernels.compile import Code, shared_code
 from linkwork.kernels.fused import fused
@@ -63,16 +63,14 @@ def found_or_told(
     content = cache.read(entry_of(told, "one"))
     if content is not None:
         return loaded(content, "one", start)
-    entry = entry_of(told, "tape")
-    content = cache.read(entry)
-    if content is None:
+
+    def on_tape() -> bytes:
         with announced(f"preparing {f.name()}"), uncollected():
             whole = program()
-            words = np.array(
-                [whole.operations, *tape(fused(whole, this_machine().has_fma))], np.int64
-            )
-        content = words.tobytes()
-        cache.write(entry, content)
+            words = tape(fused(whole, this_machine().has_fma))
+            return np.array([whole.operations, *words], np.int64).tobytes()
+
+    content, _ = cache.kept(entry_of(told, "tape"), on_tape)
     words = np.frombuffer(content, np.int64).copy()
     return Interpreted(words[1:], n_in, n_out, words.item(0))
 
@@ -157,14 +155,12 @@ def _operations(
     lines.do("br label %next")
 
 
-class _Step(SectionBody):
+class _Step(OperationValues):
     """The code of one operation on values that a tape tells."""
 
     def __init__(self, lines: Lines, op: str, arity: int, operand: str):
         operands = [Operation("value") for _ in range(arity)]
-        self.lines = lines
-        self.nodes = (*operands, Operation(op, tuple(range(arity))))
-        self._numbers, self._truths, self._turned = {}, {}, {}
+        super().__init__(lines, (*operands, Operation(op, tuple(range(arity)))))
         self._operand, self._op = operand, op
 
     def value(self, machine: Machine) -> str:

@@ -34,9 +34,9 @@ def kept_count(f: ca.Function, program: Callable[[], Program], kind: Kind) -> in
 
     program: makes the function's program, which is needed where the number is not in the cache.
     """
-    entry = entry_of(f.serialize(), f"instructions, {kind}")
-    content = cache.read(entry)
-    if content is None:
-        content = b"%d" % instruction_count(listing(program(), this_machine(), kind))
-        cache.write(entry, content)
+
+    def counted() -> bytes:
+        return b"%d" % instruction_count(listing(program(), this_machine(), kind))
+
+    content, _ = cache.kept(entry_of(f.serialize(), f"instructions, {kind}"), counted)
     return int(content)

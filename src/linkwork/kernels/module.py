@@ -7,7 +7,7 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 
@@ -47,17 +47,16 @@ def load(f: ca.Function, program: Callable[[], Program], kind: Kind) -> Module:
     program: makes the function's program, which is needed where the code is not in the cache.
     """
     start = time.perf_counter()
-    entry = entry_of(f.serialize(), kind)
-    content = cache.read(entry)
-    if content is not None:
-        return loaded(content, kind, start)
-    machine = this_machine()
-    with announced(f"compiling {f.name()}"), uncollected():
-        own = program()
-        code = object_code(source_text(own, machine, kind), machine)
-    content = _OPERATIONS.pack(own.operations) + code
-    cache.write(entry, content)
-    return replace(loaded(content, kind, start), from_cache=False)
+
+    def compiled() -> bytes:
+        machine = this_machine()
+        with announced(f"compiling {f.name()}"), uncollected():
+            own = program()
+            code = object_code(source_text(own, machine, kind), machine)
+        return _OPERATIONS.pack(own.operations) + code
+
+    content, from_cache = cache.kept(entry_of(f.serialize(), kind), compiled)
+    return loaded(content, kind, start, from_cache)
 
 
 def entry_of(told: str, kind: str) -> str:
@@ -65,11 +64,11 @@ def entry_of(told: str, kind: str) -> str:
     return cache.key(told, this_machine().identity, kind)
 
 
-def loaded(content: bytes, kind: Kind, start: float) -> Module:
+def loaded(content: bytes, kind: Kind, start: float, from_cache: bool = True) -> Module:
     """Return the code of an entry."""
     (operations,) = _OPERATIONS.unpack_from(content)
     code = Code(content[_OPERATIONS.size :], FUNCTIONS.get(kind, (kind,)))
-    return Module(code, operations, True, time.perf_counter() - start)
+    return Module(code, operations, from_cache, time.perf_counter() - start)
 
 
 @contextmanager

@@ -138,11 +138,8 @@ def trace(f: ca.Function) -> Program:
     results = [zero] * sum(size for _, size in outputs)
     work = [zero] * f.sz_w()
     for k in range(f.n_instructions()):
-        code, operands, targets = (
-            f.instruction_id(k),
-            f.instruction_input(k),
-            f.instruction_output(k),
-        )
+        code, operands = f.instruction_id(k), f.instruction_input(k)
+        targets = f.instruction_output(k)
         if code == ca.OP_INPUT:
             work[targets[0]] = emit("input", value=input_slots[operands[0]][operands[1]])
         elif code == ca.OP_OUTPUT:

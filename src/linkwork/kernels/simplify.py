@@ -57,11 +57,7 @@ def _ordered(program: Program) -> Program:
         Operation(op, tuple([places[a] for a in args]), value)
         for op, args, value in map(program.nodes.__getitem__, order)
     ]
-    return replace(
-        program,
-        nodes=tuple(nodes),
-        results=tuple(places[r] for r in program.results),
-    )
+    return replace(program, nodes=tuple(nodes), results=tuple(places[r] for r in program.results))
 
 
 def chain_lengths(nodes: Sequence[Operation]) -> list[int]:

@@ -99,10 +99,7 @@ class Body(Record):
 
     model_config = ConfigDict(json_schema_extra=_without_mass)
 
-    mass: Amount = Field(
-        default=FROM_SHAPES,
-        description="mass [kg], zero or more",
-    )
+    mass: Amount = Field(default=FROM_SHAPES, description="mass [kg], zero or more")
     centre_of_mass: Vector3 = Field(
         default=(0.0, 0.0, 0.0), description="mass centre in the body's frame [m]"
     )

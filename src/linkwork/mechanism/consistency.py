@@ -87,8 +87,7 @@ def check_actuators(
             own = joint.rates(name)
             cure = f"actuate one of its rates {', '.join(own)}" if own else "actuate another joint"
             raise MechanismError(
-                f"{name!r} is a {joint.type} joint and cannot be actuated; {cure}",
-                ("actuators",),
+                f"{name!r} is a {joint.type} joint and cannot be actuated; {cure}", ("actuators",)
             )
         require(name, rates, "joint", ("actuators",))
         if name in seen:

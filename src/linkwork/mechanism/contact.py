@@ -14,15 +14,7 @@ from pydantic import Field, model_validator
 from linkwork.mechanism.effects import Bristle, require_friction
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.impact import Impact
-from linkwork.mechanism.record import (
-    Amount,
-    MechanismError,
-    Name,
-    Positive,
-    Real,
-    Record,
-    Vector3,
-)
+from linkwork.mechanism.record import Amount, MechanismError, Name, Positive, Real, Record, Vector3
 from linkwork.mechanism.shapes import Shape, Touching
 
 

@@ -139,8 +139,7 @@ class Mechanism(Record, Portrayed):
         default=(), description="the actuated joints' rates, and actuated transmissions"
     )
     drives: Mapping[PathName, Mapping[Name, Real | str]] = Field(
-        default_factory=dict,
-        description="by actuator: the type of a drive, and its numbers",
+        default_factory=dict, description="by actuator: the type of a drive, and its numbers"
     )
     tools: Mapping[Name, Tool] = Field(
         default_factory=dict, description="the tools by name; the first is the default"
@@ -157,10 +156,7 @@ class Mechanism(Record, Portrayed):
 
     def __repr__(self) -> str:
         actuators = ", ".join(self.actuators[:NAMED]) + ", ..." * (len(self.actuators) > NAMED)
-        parts = [
-            checks.amount(len(self.bodies), "body"),
-            checks.amount(len(self.joints), "joint"),
-        ]
+        parts = [checks.amount(len(self.bodies), "body"), checks.amount(len(self.joints), "joint")]
         parts += [f"driven: {actuators}"] if actuators else []
         return f"Mechanism({self.name!r}, {', '.join(parts)})"
 

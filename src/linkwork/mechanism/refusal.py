@@ -42,12 +42,10 @@ def first_refusal(
     # The fault to tell: an unknown name before anything else, for it may be a misspelt one.
     errors: Sequence[Any] = error.errors(include_url=False)
     first = next((one for one in errors if one["type"] == "extra_forbidden"), errors[0])
-    kind, location, value, context = (
-        first["type"],
-        first["loc"],
-        first["input"],
-        first.get("ctx", {}),
-    )
+    kind = first["type"]
+    location = first["loc"]
+    value = first["input"]
+    context = first.get("ctx", {})
     where = path_in(fields, location)
     # Our own checks have their sentences.
     cause = context.get("error")

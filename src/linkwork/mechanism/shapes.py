@@ -19,16 +19,7 @@ from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.record import MechanismError, Positive, Real, Record
 from linkwork.mechanism.refusal import shown
 
-__all__ = [
-    "Box",
-    "Capsule",
-    "Cylinder",
-    "Ellipsoid",
-    "MeshFile",
-    "Polygon",
-    "Shape",
-    "Sphere",
-]
+__all__ = ["Box", "Capsule", "Cylinder", "Ellipsoid", "MeshFile", "Polygon", "Shape", "Sphere"]
 ROUND = 1e-9  # how far the angles at the corners of a polygon may be from one full turn [rad]
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -80,8 +71,7 @@ class ShapeBase(Record):
     frame: Frame = Field(default=Frame(), description="the shape's frame in the body's frame")
     colour: Colour | None = Field(default=None, description="red, green and blue, each from 0 to 1")
     density: Positive | None = Field(
-        default=None,
-        description="density [kg/m^3], by which a body that gives no mass is weighed",
+        default=None, description="density [kg/m^3], by which a body that gives no mass is weighed"
     )
 
     @property

@@ -200,10 +200,7 @@ def terms(robot: Model, state: State) -> MotionTerms:
 
 
 def told(
-    robot: Model,
-    name: str,
-    state: State,
-    v_dot: ArrayLike | Mapping[str, ArrayLike] | None = None,
+    robot: Model, name: str, state: State, v_dot: ArrayLike | Mapping[str, ArrayLike] | None = None
 ) -> tuple[np.ndarray, ...]:
     """Return what a chart's kernel (q[, v][, v']) tells at states, but the pivot, formed as
     `directly.FORMS` says: actuation, terms, energy, maps, joints_motion, tool_motion."""

@@ -13,13 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linkwork.equations import Equations, charts_at
-from linkwork.equations.chart import (
-    Asked,
-    Chart,
-    chart_of,
-    choose_orders,
-    unit_of,
-)
+from linkwork.equations.chart import Asked, Chart, chart_of, choose_orders, unit_of
 from linkwork.equations.chart_choice import FALL, alike, size
 
 MOST = 256  # orders that are kept

@@ -15,12 +15,7 @@ from linkwork.mechanism.task import is_length
 from linkwork.model import checks, task
 from linkwork.model.asked import task_rows
 from linkwork.model.evaluation import own_units, terms
-from linkwork.model.linear import (
-    actuator_forces,
-    evaluated,
-    largest,
-    linearised,
-)
+from linkwork.model.linear import actuator_forces, evaluated, largest, linearised
 from linkwork.model.reordering import ordered
 from linkwork.model.state import State
 

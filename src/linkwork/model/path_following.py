@@ -102,12 +102,7 @@ def follow(
 
 
 def led_in_parts(
-    robot: Model,
-    sampled: Sampled,
-    duration: float,
-    samples: int,
-    parts: int,
-    guess: State | None,
+    robot: Model, sampled: Sampled, duration: float, samples: int, parts: int, guess: State | None
 ) -> Motion:
     """Return the motion along a path at samples and between them."""
     time = np.linspace(0, duration, parts * (samples - 1) + 1)

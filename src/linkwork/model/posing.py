@@ -81,10 +81,8 @@ def require_consistent(
     if not wrong.any():
         return
     index = tuple(int(i) for i in np.argwhere(wrong)[0])
-    name, there = (
-        labels.equations.mechanism.coordinates[index[-1]],
-        np.broadcast_to(given, wrong.shape)[index[:-1]],
-    )
+    name = labels.equations.mechanism.coordinates[index[-1]]
+    there = np.broadcast_to(given, wrong.shape)[index[:-1]]
     value = there[index[-1]]
     for places in labels.all_quaternions.values():
         if index[-1] in places:

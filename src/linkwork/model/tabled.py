@@ -105,12 +105,10 @@ def sizes(equations: Equations, acting: Kernel | None = None) -> tuple[int, ...]
         _, _, (_, states), (_, signals), (_, every) = acting.inputs
         inputs, own = states + signals, every - parameters
     rows, blocks = len(equations.rows.names), len(equations.chart.blocks)
-    dependent, n, nq, nv = (
-        len(equations.chart.dependent),
-        equations.mobility,
-        equations.nq,
-        equations.nv,
-    )
+    dependent = len(equations.chart.dependent)
+    n = equations.mobility
+    nq = equations.nq
+    nv = equations.nv
     return nq, nv, n, dependent, rows, inputs, parameters, blocks, states, own
 
 

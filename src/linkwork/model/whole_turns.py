@@ -168,10 +168,8 @@ class TurnedLabels(Labels):
         mechanism, positions = self.equations.mechanism, positions.copy()
         h = np.diff(time, axis=-1)
         for label in self.jumping:
-            q, w = (
-                positions[..., mechanism.coordinates.index(label)],
-                rates[..., mechanism.rates.index(label)],
-            )
+            q = positions[..., mechanism.coordinates.index(label)]
+            w = rates[..., mechanism.rates.index(label)]
             told = h * np.abs(np.diff(w, axis=-1)) / 2 < np.pi
             ahead = np.where(told, h * (w[..., 1:] + w[..., :-1]) / 2, 0.0)
             q[..., 1:] += (

@@ -33,11 +33,7 @@ class Dynamics(Kinematics):
     linearised, with energies and reactions (paper, Eqs. (9)-(12))."""
 
     def forward_dynamics(
-        self,
-        state: State,
-        forces: ArrayLike | Mapping[str, ArrayLike],
-        *,
-        threads: int | None = 1,
+        self, state: State, forces: ArrayLike | Mapping[str, ArrayLike], *, threads: int | None = 1
     ) -> np.ndarray:
         """Return the accelerations of the independent rates, v' = M^-1 (S' u + f - C v - G)
         (paper, Eq. (9)).
@@ -174,11 +170,7 @@ class Dynamics(Kinematics):
         return model.A, model.B
 
     def forward_dynamics_derivatives(
-        self,
-        state: State,
-        forces: ArrayLike | Mapping[str, ArrayLike],
-        *,
-        threads: int | None = 1,
+        self, state: State, forces: ArrayLike | Mapping[str, ArrayLike], *, threads: int | None = 1
     ) -> ForwardDynamicsDerivatives:
         """Return v' and its exact derivatives with respect to q, v, u and p, loops closed.
 

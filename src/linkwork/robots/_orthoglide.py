@@ -71,10 +71,8 @@ def orthoglide(
         body, start = f"carriage_{i + 1}", Frame(position=vector((offset + rod) * e))
         rail = PrismaticJoint(connects=("ground", body), frames=(start, Frame()), axis=vector(e))
         slides |= Parts({body: cube(carriage_mass, spread)}, {f"slide_{i + 1}": rail})
-        carriage, vertex = (
-            End(body, np.zeros(3), QuaternionPose.of(start)),
-            End("platform", offset * e, centre),
-        )
+        carriage = End(body, np.zeros(3), QuaternionPose.of(start))
+        vertex = End("platform", offset * e, centre)
         legs |= rods.pair(str(i + 1), carriage, vertex, (half, half))
     return Mechanism(
         name="Orthoglide",

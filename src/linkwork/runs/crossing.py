@@ -189,10 +189,8 @@ class Crossing:
         while True:
             evaluations += len(slopes)
             stages = y + h * a @ slopes
-            previous, slopes = (
-                slopes,
-                np.array([self._slope(u, Y) for u, Y in zip(inputs, stages, strict=True)]),
-            )
+            previous = slopes
+            slopes = np.array([self._slope(u, Y) for u, Y in zip(inputs, stages, strict=True)])
             last, change = change, float((np.abs(slopes - previous).max(axis=0) * h / scale).max())
             if change <= CONVERGED:
                 return Collocation(

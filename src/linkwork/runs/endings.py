@@ -212,10 +212,8 @@ def statistics(segments: Sequence[Segment]) -> Statistics:
     counts = zip(
         *[(part.nfev, part.steps, part.rejected, part.projections) for part in parts], strict=True
     )
-    error, weakest = (
-        max(closure_error(segment) for segment in segments),
-        min(parts, key=attrgetter("pivot")),
-    )
+    error = max(closure_error(segment) for segment in segments)
+    weakest = min(parts, key=attrgetter("pivot"))
     return Statistics(
         *map(sum, counts), closure_error=error, pivot=weakest.pivot, pivot_time=weakest.pivot_time
     )

@@ -45,11 +45,7 @@ def choice(robot: Model, chart: CompiledChart, q: np.ndarray) -> Choice:
 
 
 def choices(
-    robot: Model,
-    chart: CompiledChart,
-    q: np.ndarray,
-    Phi: np.ndarray,
-    p: np.ndarray | None = None,
+    robot: Model, chart: CompiledChart, q: np.ndarray, Phi: np.ndarray, p: np.ndarray | None = None
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, CompiledChart]]]:
     """Choose what is better than a chart at each of some configurations.
 

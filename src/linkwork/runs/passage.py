@@ -120,8 +120,7 @@ class Passage:
 
     system: what is integrated; start, end: times of the run [s]
     settings: how; save_at None: every step is saved; for explicit steps of a method that nobody
-    asked for the stiff one is
-        taken from where they are stiff
+        asked for the stiff one is taken from where they are stiff
     pace: the step to begin with, guessed if left out
     watching: whether events are watched for at which no step ends
     interruptible: whether Ctrl-C ends a long run where it is, as a fault of the system, rather than

@@ -107,12 +107,8 @@ def again(made: Compared, state: State, samples: int | np.ndarray | None) -> Run
 def record(made: Compared, state: State, besides: np.ndarray) -> Run:
     """Name what a run's segments hold; what is asked of it, and what follows, is found when it is
     first asked for."""
-    robot, system, segments, settings = (
-        made.robot,
-        made.passage.system,
-        made.segments,
-        made.passage.settings,
-    )
+    robot, segments = made.robot, made.segments
+    system, settings = made.passage.system, made.passage.settings
     for fault in system.faults:
         if not isinstance(fault, Exception | KeyboardInterrupt):
             raise fault

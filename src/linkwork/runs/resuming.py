@@ -56,10 +56,8 @@ def left_by(robot: Model, run: Run) -> tuple[State, Left, dict[str, float]]:
             np.atleast_1d(np.asarray(run.attrs[name], float)) for name in ("final_q", "final_v")
         )
         independent = listed(str(run.attrs["final_rates"]), robot.rates)
-        start, pace = (
-            float(run.attrs["final_time"]),
-            Pace(*np.asarray(run.attrs["final_pace"], float).tolist()),
-        )
+        start = float(run.attrs["final_time"])
+        pace = Pace(*np.asarray(run.attrs["final_pace"], float).tolist())
     except KeyError as error:
         raise LinkworkError(f"the run cannot be resumed: it does not hold {error}") from None
     n = len(independent)

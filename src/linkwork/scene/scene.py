@@ -79,12 +79,8 @@ class Scene:
     def parts(self) -> tuple[ScenePart, ...]:
         """Return all that is drawn; rails are as long as the poses that are shown need, or as is
         allowed."""
-        mechanism, pose, size, planar = (
-            self.robot.mechanism,
-            self.pose,
-            self.size,
-            self.robot.planar,
-        )
+        mechanism, planar = self.robot.mechanism, self.robot.planar
+        pose, size = self.pose, self.size
         limits = None if self.shown else dict((label, own) for label, own, _ in limited(mechanism))
         return (
             *ground(pose, self.moves, limits, size, planar),

@@ -372,10 +372,8 @@ def point_masses(
     size = float(np.ptp(everything, axis=0).max()) if len(everything) else 0.0
     found = []
     for name, centre in centres.items():
-        body, far = (
-            mechanism.bodies[name],
-            max((float(np.linalg.norm(p - centre)) for p in points[name]), default=0.0),
-        )
+        body = mechanism.bodies[name]
+        far = max((float(np.linalg.norm(p - centre)) for p in points[name]), default=0.0)
         hangs = sum(name in joint.connects for joint in mechanism.pairs.values()) == 1
         radius = sqrt(body.inertia.tensor().diagonal().max() / body.mass)
         if far > APART * size and radius <= (POINT_MASS * far if hangs else 0.0):

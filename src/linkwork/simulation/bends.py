@@ -41,10 +41,8 @@ def bends(knots, coefficients, most):
     for j in range(columns):
         value = speed = 0.0
         for i in range(pieces):
-            value, speed = (
-                max(value, abs(coefficients[i, 0, j])),
-                max(speed, abs(coefficients[i, 1, j])),
-            )
+            value = max(value, abs(coefficients[i, 0, j]))
+            speed = max(speed, abs(coefficients[i, 1, j]))
         latest = max(abs(knots[0]), abs(knots[pieces])) if np.isfinite(knots[pieces]) else 0.0
         noise = SMALLEST * value + ROUNDING * speed * latest
         # The last extreme so far, on the side that it lies on, and the noise there.

@@ -28,9 +28,8 @@ from linkwork.simulation.turns import Turning
 NO_CONDITIONS = np.empty((0, 2))
 NOTHING = np.empty(0)
 GUESSED = Pace(0.0, math.inf)  # the first step is guessed, and may grow at once
-NEARLY = (
-    0.25  # of the interval of stability: steps that the tolerance bounds stay below a fifth of it
-)
+NEARLY = 0.25
+"""Of the interval of stability: steps that the tolerance bounds stay below a fifth of it."""
 
 
 def integrate(
@@ -112,11 +111,8 @@ def integrate(
     require_run(duration, max_steps)
     signal = as_signal(forces)
     q, v = numbers_of("q", q), numbers_of("v", v)
-    for name, value in (
-        ("max_step", max_step),
-        ("pivot_bound", pivot_bound),
-        ("closure_tol", closure_tol),
-    ):
+    bounds = {"max_step": max_step, "pivot_bound": pivot_bound, "closure_tol": closure_tol}
+    for name, value in bounds.items():
         require_positive(name, value)
     if method.stiff and not jacobian:
         raise LinkworkError(f"{method.name} needs the address of the Jacobian's kernel")

@@ -40,14 +40,7 @@ from linkwork.simulation.lane_events import (
     run_alone,
 )
 from linkwork.simulation.lane_inputs import force, next_target, set_forces, signal_of
-from linkwork.simulation.lane_members import (
-    Results,
-    Roster,
-    fill,
-    leave,
-    measure_closure,
-    stopped,
-)
+from linkwork.simulation.lane_members import Results, Roster, fill, leave, measure_closure, stopped
 from linkwork.simulation.lane_refusals import diagnose, first_ailment, look_due, reject
 from linkwork.simulation.lane_samples import extend, take_samples, want_samples
 from linkwork.simulation.lane_starts import block_row, start_all

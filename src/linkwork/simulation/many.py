@@ -159,8 +159,7 @@ class Starts:
 
 
 def as_inputs(
-    inputs: MemberInputs | Signal | Sampled | Sequence[Signal] | ArrayLike,
-    members: int,
+    inputs: MemberInputs | Signal | Sampled | Sequence[Signal] | ArrayLike, members: int
 ) -> MemberInputs:
     """Return the inputs of all members: a signal or numbers (nu,) for all, numbers (N, nu) or N
     signals for each.

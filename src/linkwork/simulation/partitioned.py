@@ -26,16 +26,7 @@ from typing import Any
 
 from numba import njit, types
 
-from linkwork.simulation.abreast import (
-    ROWS,
-    bounded,
-    evaluate,
-    matters,
-    room,
-    weaker,
-    within,
-    zero,
-)
+from linkwork.simulation.abreast import ROWS, bounded, evaluate, matters, room, weaker, within, zero
 from linkwork.simulation.compiled import OPTIONS, address_of, compiled_once
 from linkwork.simulation.pointers import POINTER
 
@@ -49,16 +40,7 @@ ONE, WIDE = types.void(POINTER, POINTER, POINTER), types.void(ROWS, ROWS, POINTE
 @njit(**OPTIONS)
 def sized(t):
     """Return nq, nv, n, d, rows, inputs, parameters, blocks; `acts` has the others."""
-    return (
-        int(t[0]),
-        int(t[1]),
-        int(t[2]),
-        int(t[3]),
-        int(t[4]),
-        int(t[5]),
-        int(t[6]),
-        int(t[7]),
-    )
+    return int(t[0]), int(t[1]), int(t[2]), int(t[3]), int(t[4]), int(t[5]), int(t[6]), int(t[7])
 
 
 @njit(**OPTIONS)

@@ -67,11 +67,9 @@ class Rosenbrock:
         row s + 1 of a the weights m; the last column of e holds gamma, d_1, ..., d_s.
         """
         s = len(self.c)
-        a, e, dense = (
-            np.zeros((s + 2, s + 2)),
-            np.zeros((s + 2, s + 2)),
-            np.zeros((s + 2, self.dense.shape[1])),
-        )
+        a = np.zeros((s + 2, s + 2))
+        e = np.zeros((s + 2, s + 2))
+        dense = np.zeros((s + 2, self.dense.shape[1]))
         a[1:-1, 1:-1], a[-1, 1:-1] = self.a, self.m
         e[1:-1, 1:-1], e[1:-1, -1], e[0, -1] = self.C, self.d, self.gamma
         dense[1:-1] = self.dense

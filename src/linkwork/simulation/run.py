@@ -294,9 +294,7 @@ class Run(Portrayed):
         )
 
     def sensitivity(
-        self,
-        quantities: Sequence[str] | str | None = None,
-        to: Sequence[str] | str | None = None,
+        self, quantities: Sequence[str] | str | None = None, to: Sequence[str] | str | None = None
     ) -> "xarray.Dataset":
         """Return how what was recorded changes with the numbers that determine the run.
 
@@ -343,9 +341,7 @@ class Run(Portrayed):
     def plot(self, quantities: Sequence[str] | None = None) -> "Figure":
         """Draw the run's quantities over time (`linkwork.views.plot_run`), in smooth curves: those
         named, or all that vary with time."""
-        from linkwork.views.plots import (
-            plot_run,
-        )  # a convenience: the one place that calls a later stage
+        from linkwork.views.plots import plot_run  # a convenience, which asks a later stage
 
         return plot_run(self, quantities)
 

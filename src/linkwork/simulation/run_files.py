@@ -113,10 +113,8 @@ def _columns(
     varies with time."""
     values, dims = variable.values, variable.dims
     if TIME in dims:
-        values, dims = (
-            np.moveaxis(values, dims.index(TIME), -1),
-            [dim for dim in dims if dim != TIME],
-        )
+        values = np.moveaxis(values, dims.index(TIME), -1)
+        dims = [dim for dim in dims if dim != TIME]
     labels = [
         coords[dim].values if dim in coords else range(n)
         for dim, n in zip(dims, values.shape, strict=False)

@@ -60,16 +60,14 @@ class Trajectory:
     def _fault_source(self) -> str:
         """What is not finite, by the number that the compiled loop gives it."""
         fault, held = int(self.outcome.fault), self.control.held.size if self.control else 0
-        kinds = [
-            ("component {} of q'", self.nq),
-            ("component {} of v'", self.v_end.size),
-            ("the pivot", 1),
-        ]
-        for kind, count in [
-            *kinds,
-            ("held input {}", held),
-            ("the function of event {}", math.inf),
-        ]:
+        kinds = {
+            "component {} of q'": self.nq,
+            "component {} of v'": self.v_end.size,
+            "the pivot": 1,
+            "held input {}": held,
+            "the function of event {}": math.inf,
+        }
+        for kind, count in kinds.items():
             if fault < count:
                 return kind.format(fault) + (" (counted from 0)" if "{}" in kind else "")
             fault -= int(count)

@@ -182,10 +182,8 @@ class Normal(Distribution):
     @property
     def ends(self) -> tuple[float, float]:
         """The ends in deviations from the mean."""
-        low, high = (
-            (-np.inf if self.low is None else self.low),
-            (np.inf if self.high is None else self.high),
-        )
+        low = -np.inf if self.low is None else self.low
+        high = np.inf if self.high is None else self.high
         return (low - self.mean) / self.deviation, (high - self.mean) / self.deviation
 
     def at(self, u: np.ndarray) -> np.ndarray:

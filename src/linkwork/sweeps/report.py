@@ -120,10 +120,8 @@ def summary(store: Store) -> Summary:
     stride, kept = -(-study.members // PLOTTED), []
     names = columns(store)
     for index in range(study.chunks):
-        part, members = (
-            store.read(index),
-            np.arange(store.rows(index).start, store.rows(index).stop),
-        )
+        part = store.read(index)
+        members = np.arange(store.rows(index).start, store.rows(index).stop)
         for status, count in zip(*np.unique(part["status"], return_counts=True), strict=True):
             statuses[int(status)] = statuses.get(int(status), 0) + int(count)
         table = flat(part, [*study.varied, *bench.outputs])

@@ -182,11 +182,9 @@ class Panels:
         self.over.label = LAY_OVER if self.session.over is None else TAKE_AWAY
         player = self.session.player
         span = max(player.end - player.start, 1e-9)
-        self.clock.min, self.clock.max, self.clock.step = (
-            player.start,
-            player.start + span,
-            fine_step(span),
-        )
+        self.clock.min = player.start
+        self.clock.max = player.start + span
+        self.clock.step = fine_step(span)
         self.clock.value = player.time
         self._set_speed()
         self._set_loop()

@@ -211,10 +211,8 @@ class Session:
         self.end()
         self.replay, self.goal, self.path = replay, None, RunTrail(replay)
         if replay.empty:
-            self.player, self.notice = (
-                Player(),
-                "the run holds no samples: there is nothing to play",
-            )
+            self.player = Player()
+            self.notice = "the run holds no samples: there is nothing to play"
             return
         self.player = Player.of(float(replay.time[0]), float(replay.time[-1]))
         self.lay_over(None if self.over is None else self.over.run)

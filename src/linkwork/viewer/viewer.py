@@ -283,10 +283,8 @@ class Viewer:
     ) -> Callable[[], Callable[[], None]]:
         from linkwork.viewer.simulating import simulate
 
-        robot, state = (
-            self.session.robot,
-            self.session.state.with_rates(np.zeros(self.session.robot.mobility)),
-        )
+        robot = self.session.robot
+        state = self.session.state.with_rates(np.zeros(self.session.robot.mobility))
 
         def carry_out() -> Callable[[], None]:
             run = simulate(robot, state, controller, forces, duration)

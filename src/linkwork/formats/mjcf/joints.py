@@ -344,10 +344,8 @@ def _planar(pieces: list[Piece]) -> JointGroup | None:
     freedoms = ("y", "x", "angle") if left_handed else ("x", "y", "angle")
     at_hinge = poses.pose(hinge.anchor, np.column_stack([x.axis, y.axis, hinge.axis]))
     slid = np.array([x.ref, y.ref, 0.0])
-    first, motion = (
-        at_hinge @ poses.shift(-slid),
-        poses.shift(slid) @ poses.turn((0.0, 0.0, 1.0), hinge.ref),
-    )
+    first = at_hinge @ poses.shift(-slid)
+    motion = poses.shift(slid) @ poses.turn((0.0, 0.0, 1.0), hinge.ref)
     return JointGroup(PlanarJoint, name, tuple(pieces), freedoms, first, motion)
 
 

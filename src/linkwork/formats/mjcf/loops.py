@@ -194,10 +194,8 @@ class LoopReader:
             )
             return [(tie_name(tie), self._ball(tie)) for tie in ties]
         # Two points, or three in line, are a hinge about that line.
-        centre, axes = (
-            points[list(longest)].mean(axis=0),
-            [poses.unit(gap) for gap in apart[longest]],
-        )
+        centre = points[list(longest)].mean(axis=0)
+        axes = [poses.unit(gap) for gap in apart[longest]]
         away = points[:, 0] - centre[0]
         away = away - np.outer(away @ axes[0], axes[0])
         corner = int(np.argmax(np.linalg.norm(away, axis=1)))

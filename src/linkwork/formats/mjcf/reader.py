@@ -279,10 +279,8 @@ def _reference(
     home = _home(document)
     if home is not None and "qpos" in home.attributes:
         counts = [COORDINATES[piece.kind] for _, piece in pieces]
-        values, said = (
-            np.concatenate([np.zeros(0), *positions.values()]),
-            home.attributes["qpos"].split(),
-        )
+        values = np.concatenate([np.zeros(0), *positions.values()])
+        said = home.attributes["qpos"].split()
         # The last of qpos may be left out.
         given = home.numbers("qpos", (min(len(said), len(values)),), ())
         values[: len(given)] = given

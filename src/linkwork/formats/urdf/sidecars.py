@@ -167,10 +167,8 @@ def _loop(name: str, element: Element, model: UrdfModel) -> Closure:
     kind = element.attributes.get("type", "revolute")
     if kind not in LOOPS:
         raise element.refusal(f"type {kind!r} is not one of {', '.join(LOOPS)}")
-    links, frames = (
-        (_link(ends[0], model), _link(ends[1], model)),
-        (origin(ends[0]), origin(ends[1])),
-    )
+    links = (_link(ends[0], model), _link(ends[1], model))
+    frames = (origin(ends[0]), origin(ends[1]))
     if kind in ("revolute", "continuous", "prismatic"):
         joint = PrismaticJoint if kind == "prismatic" else RevoluteJoint
         return Closure(name, joint, links, frames, axis_of(element))
@@ -199,10 +197,8 @@ def _constraint(name: str, element: Element, model: UrdfModel) -> Closure:
         frames, axis = origins, None
     elif kind == "universal":
         turns = [poses.completed({k: along}) for k, along in enumerate(axes)]
-        frames, axis = (
-            [X @ poses.pose(rotation=R) for X, R in zip(origins, turns, strict=True)],
-            None,
-        )
+        frames = [X @ poses.pose(rotation=R) for X, R in zip(origins, turns, strict=True)]
+        axis = None
     else:
         turns = [poses.from_z(along) for along in axes]
         frames = [X @ poses.pose(rotation=R) for X, R in zip(origins, turns, strict=True)]

@@ -161,10 +161,8 @@ def layout(carried: Carried, outside: Mechanism, home: Home, plan: ModelPlan, mo
     q, v = [np.zeros(0, int)], [np.zeros(0, int)]
     for seat in plan.seats.values():
         for move in seat.moves:
-            at, speed = (
-                int(model.joint(move.name).qposadr[0]),
-                int(model.joint(move.name).dofadr[0]),
-            )
+            at = int(model.joint(move.name).qposadr[0])
+            speed = int(model.joint(move.name).dofadr[0])
             # A floating body is read off its pose.
             if move.kind == "free":
                 floats[seat.body] = slice(at, at + 7), slice(speed, speed + 6)

@@ -69,10 +69,8 @@ class BodyMotion:
         (near, twist, change), (far, other, rise) = map(self.frame, item.bodies, item.frames)
         omega, alpha = twist[..., :3], change[..., :3]
         d = far[..., :3, 3] - near[..., :3, 3]
-        turning, sliding = (
-            other[..., :3] - omega,
-            other[..., 3:] - twist[..., 3:] - np.cross(omega, d),
-        )
+        turning = other[..., :3] - omega
+        sliding = other[..., 3:] - twist[..., 3:] - np.cross(omega, d)
         spin_up = rise[..., :3] - alpha - np.cross(omega, turning)
         speed_up = (
             rise[..., 3:]
@@ -195,10 +193,8 @@ def along_tree(
             continue
         frame = moving[item.bodies[0]].to(item.frames[0])
         for step in item.steps:
-            own, speeds = (
-                [coordinate[label] for label in step.coordinates],
-                [rate[label] for label in step.rates],
-            )
+            own = [coordinate[label] for label in step.coordinates]
+            speeds = [rate[label] for label in step.rates]
             frame = frame.across(
                 step, positions[..., own], rates[..., speeds], accelerations[..., speeds]
             )

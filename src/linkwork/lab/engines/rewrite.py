@@ -207,10 +207,8 @@ def in_steps(mechanism: Mechanism, names: set[str]) -> Mechanism:
                 joint.frames[0] if connects[0] == first else Frame(),
                 joint.frames[1] if connects[1] == last else Frame(),
             )
-            own, acting = (
-                {"connects": tuple(connects), "frames": frames},
-                effects_by_field(joint, freedom),
-            )
+            own = {"connects": tuple(connects), "frames": frames}
+            acting = effects_by_field(joint, freedom)
             if axis is None:
                 turning = {field: {freedom: value} for field, value in acting.items()}
                 joints[name] = SphericalJoint.model_construct(None, **own, **turning)

@@ -130,10 +130,8 @@ class Vectors:
 
     def into(self, positions: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return q and v of the joints' coordinates (..., nq) and rates (..., nv)."""
-        q, v = (
-            positions[..., self.columns] * self._factors[0],
-            rates[..., self.rate_columns] * self._factors[1],
-        )
+        q = positions[..., self.columns] * self._factors[0]
+        v = rates[..., self.rate_columns] * self._factors[1]
         for ball in self.balls:
             q[..., ball.q] /= np.linalg.norm(q[..., ball.q], axis=-1, keepdims=True)
             if not ball.step.backwards:
