@@ -11,7 +11,7 @@ from linkwork.control.observation import Quantity
 from linkwork.control.records import ActingPart
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
-from linkwork.mechanism.limits import limited
+from linkwork.mechanism.limits import at_surfaces, limited
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +108,27 @@ def load_events(robot) -> tuple[Event, ...]:
     return tuple(
         Event(LineLoad(name), name=f"{name} turns round", cuts=True) for name in robot.names.loaded
     )
+
+
+def cable_events(robot) -> tuple[Event, ...]:
+    """Return the events of cables along which something acts at surfaces: steps end where one
+    begins to touch a surface or comes off it, and where the shorter way leaps to the other side; a
+    run ends where energy of a spring, a stop or an inertia would leap with it."""
+    found = []
+    for name, happens in at_surfaces(robot.mechanism).items():
+        leaps = happens.what == "leaps at"
+        found.append(Event(AroundSurface(name), leaps, -1 if leaps else 0, name, not leaps))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class AroundSurface(ActingPart):
+    """Tell a number that passes zero where something happens to a cable at a surface."""
+
+    name: str
+
+    def __call__(self, t, state):
+        return state.source.quantity(Quantity("surface", self.name))[0]
 
 
 @dataclass(frozen=True)

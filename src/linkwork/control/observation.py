@@ -22,11 +22,12 @@ from linkwork.equations import Equations, bearings, body_motion
 from linkwork.equations.algebra import SX, matrix_quaternion
 from linkwork.equations.effects import rotation_vector
 from linkwork.equations.task import task_map
+from linkwork.equations.transmissions import at_surface
 from linkwork.equations.tree import near_offset, offset
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism, Tool
 from linkwork.mechanism.bearing import loaded
-from linkwork.mechanism.limits import meetings
+from linkwork.mechanism.limits import at_surfaces, meetings
 from linkwork.mechanism.sticking import Strain, strains
 from linkwork.mechanism.task import labels
 
@@ -39,7 +40,8 @@ class Quantity(NamedTuple):
     kinds: "position", "rate" of a joint (1); "tool_pose", "tool_velocity" (3 or 6); "body": p, R
     row by row, omega, v (18); "gap" of what may meet, "actuation_determinant": det S (1); "task",
     "task_rates" (k), "task_jacobian" column by column (k na) of the task that the tool states;
-    "load" along a line by which a joint rubs, which follows from all that acts: for events (1)
+    for events: "load" along a line by which a joint rubs, which follows from all that acts (1);
+    "surface", zero where something happens to a cable at one (1)
     """
 
     kind: str
@@ -53,7 +55,8 @@ class Names:
 
     pose: number of components of the tool's pose, 0 without a tool; meetings: what may meet;
         strains: of bristles; task: coordinates of the task that the tool states; loaded: forces
-        along lines by whose size joints rub
+        along lines by whose size joints rub; surfaces: what may happen
+        to cables there
     """
 
     coordinates: tuple[str, ...]
@@ -67,6 +70,7 @@ class Names:
     strains: tuple[Strain, ...] = ()
     task: tuple[str, ...] = ()
     loaded: tuple[str, ...] = ()
+    surfaces: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, mechanism: Mechanism, planar: bool, extras: tuple[str, ...] = ()) -> Names:
@@ -84,6 +88,7 @@ class Names:
             tuple(strains(mechanism)),
             labels((mechanism.first_tool.task if mechanism.tools else None) or ()),
             loaded(mechanism.joints),
+            tuple(at_surfaces(mechanism)),
         )
 
     @property
@@ -95,7 +100,7 @@ class Names:
         """Return how many numbers a quantity has."""
         led = len(self.task)
         sizes = {"position": 1, "rate": 1, "gap": 1, "actuation_determinant": 1, "body": 18}
-        sizes["load"] = 1
+        sizes["load"] = sizes["surface"] = 1
         sizes |= {"task": led, "task_rates": led, "task_jacobian": led * len(self.actuators)}
         return sizes.get(quantity.kind, self.pose)
 
@@ -281,6 +286,8 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
             return ca.mtimes(equations.joints.rate_row(name), equations.rates)
         case "gap":
             return equations.gaps[name]
+        case "surface":
+            return at_surface(mechanism, tree, name)
         case "load":  # but for what acts
             none = SX.zeros(equations.mobility), SX.zeros(len(mechanism.actuators))
             return bearings.line_loads(equations, *none)[0][name]

@@ -26,6 +26,16 @@ The rate of l is that of the straight parts alone, each between two points that 
 bodies at the moment: to the first order a taut cable does not change its length by where it
 touches. So a unit force along l is a pair of forces at the ends of each straight part.
 
+A cable has no memory of how it is wound. So its rate leaps, and by a side its length, where
+
+    d_0 = -a d_1            the shorter way round is on the other side from there on
+    d_i = -a s,  a > 0      by a side: an end passes the half-line behind the surface
+    |d_i| = r               an end that the cable is bent next to goes into the surface
+
+A leap of the length is one of what a spring stores, a leap of the rate one of what an inertia
+moves. How far a cable is from there (`before_leap`) is the least of  1 + cos of the angle between,
+and (|d_i|^2 / r^2 - 1)^2,  smooth and zero at the leap, less what NEAR leaves.
+
 Source: the tangents and their choice are those of MuJoCo 4 (`mju_wrap`), the choice by a side as it
 is observed there.
 """
@@ -34,6 +44,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -45,8 +56,11 @@ TINY = 1e-15  # of lengths and areas that have no direction, in MuJoCo's own uni
 GRAZING = 1e-6
 """Angle of an arc below zero that is rounding, where a cable hardly touches [rad]: an arc of nearly
 a whole turn has tangents that cross."""
+ROUNDING = 1e-12  # of the square of a distance: the end of a cable may lie on its drum
 CROSSED = -1e4  # how good a solution is whose tangents cross
 STEPS = 12  # of Newton's method inside a circle
+NEAR = 1e-3
+"""Angle [rad], and share of the radius, at which a cable is as good as where it leaps."""
 
 
 Places = Callable[[str], tuple[ca.SX, ca.SX]]
@@ -88,54 +102,70 @@ class Way:
                     yield body, ca.vertcat(cross(arm, sign * force), sign * force)
 
 
-def way(cable: Cable, place: Places) -> Way:
-    """Return the way of a cable."""
-    straight: list[Straight] = []
-    arcs, share = SX(0), 1.0
-    before: tuple[str, ca.SX] | None = None
+Point = tuple[str, ca.SX]
+"""A body, and where a point of it is, in the ground's axes."""
+
+
+class CableStretch(NamedTuple):
+    """Hold a part of a cable between two points, the place in the path of the last one, the surface
+    between them, if any, and how much of its length counts."""
+
+    place: int
+    ends: tuple[Point, Point]
+    surface: OverSphere | OverCylinder | None
+    share: float
+
+
+def stretches(cable: Cable, place: Places) -> Iterator[CableStretch]:
+    """Yield a cable's parts between two points."""
+    share = 1.0
+    before: Point | None = None
     surface: OverSphere | OverCylinder | None = None
-    for part in cable.path:
+    for k, part in enumerate(cable.path):
         if isinstance(part, PulleyBlock):
             before, share = None, 1 / part.divisor
         elif isinstance(part, ViaPoint):
             R, origin = place(part.body)
             here = part.body, origin + ca.mtimes(R, vector(part.point))
-            if before is not None and surface is None:
-                straight.append(Straight((before[0], here[0]), (before[1], here[1]), SX(share)))
-            elif before is not None and surface is not None:
-                touched, arc = round_surface(surface, place, (before, here), share)
-                straight += touched
-                arcs += arc
+            if before is not None:
+                yield CableStretch(k, (before, here), surface, share)
             before, surface = here, None
         else:
             surface = part
+
+
+def way(cable: Cable, place: Places) -> Way:
+    """Return the way of a cable."""
+    straight: list[Straight] = []
+    arcs = SX(0)
+    for part in stretches(cable, place):
+        if part.surface is None:
+            (one, first), (two, last) = part.ends
+            straight.append(Straight((one, two), (first, last), SX(part.share)))
+        else:
+            touched, arc = round_surface(part.surface, place, part.ends, part.share)
+            straight += touched
+            arcs += arc
     return Way(tuple(straight), arcs)
 
 
 def round_surface(
     surface: OverSphere | OverCylinder,
     place: Places,
-    ends: tuple[tuple[str, ca.SX], tuple[str, ca.SX]],
+    ends: tuple[Point, Point],
     share: float,
 ) -> tuple[list[Straight], ca.SX]:
     """Return the straight parts between two points past a surface, and the length of the arc."""
-    # The points in the surface's frame, and in the plane in which the cable is bent.
-    R_body, origin = place(surface.body)
-    R = ca.mtimes(R_body, SX(frame_matrix(surface.frame)))
-    centre = origin + ca.mtimes(R_body, vector(surface.frame.position))
-    p = [ca.mtimes(R.T, point - centre) for _, point in ends]
-    axes = SX.eye(3)[:, :2] if isinstance(surface, OverCylinder) else bending_plane(*p)
+    R, centre, p, axes, s = seen_from(surface, place, ends)
     d = [ca.mtimes(axes.T, point) for point in p]
     # Where it touches; on a cylinder it climbs as it goes.
     if surface.inside:
         t, arc, bent = within(d[0], d[1], surface.radius)
-    elif surface.side is None:
+    elif s is None:
         t, arc, bent = circle(d[0], d[1], surface.radius)
     else:
-        R_side, p_side = place(surface.side.body)
-        s = ca.mtimes(R.T, p_side + ca.mtimes(R_side, vector(surface.side.point)) - centre)
         t, arc, bent = by_side(d[0], d[1], surface.radius, ca.mtimes(axes.T, s))
-        if surface.side.body != surface.body:
+        if led_inside(surface):
             inner = within(d[0], d[1], surface.radius)
             near = ca.sumsqr(s) < surface.radius**2
             t = tuple(ca.if_else(near, a, b) for a, b in zip(inner[0], t, strict=True))
@@ -157,6 +187,106 @@ def round_surface(
         Straight((one, two), (first, last), share * (1 - bent)),
     ]
     return parts, share * bent * arc
+
+
+class Seen(NamedTuple):
+    """Hold a surface's axes R and centre in the ground's axes; two points p in its frame, the axes
+    (3, 2) of the plane in which a cable between them is bent, and the point of its side."""
+
+    R: ca.SX
+    centre: ca.SX
+    p: tuple[ca.SX, ca.SX]
+    axes: ca.SX
+    side: ca.SX | None
+
+
+def seen_from(surface: OverSphere | OverCylinder, place: Places, ends: tuple[Point, Point]) -> Seen:
+    """Return two points as a surface between them sees them."""
+    R_body, origin = place(surface.body)
+    R = ca.mtimes(R_body, SX(frame_matrix(surface.frame)))
+    centre = origin + ca.mtimes(R_body, vector(surface.frame.position))
+    first, last = (ca.mtimes(R.T, point - centre) for _, point in ends)
+    axes = SX.eye(3)[:, :2] if isinstance(surface, OverCylinder) else bending_plane(first, last)
+    if surface.side is None:
+        return Seen(R, centre, (first, last), axes, None)
+    R_side, p_side = place(surface.side.body)
+    s = ca.mtimes(R.T, p_side + ca.mtimes(R_side, vector(surface.side.point)) - centre)
+    return Seen(R, centre, (first, last), axes, s)
+
+
+def led_inside(surface: OverSphere | OverCylinder) -> bool:
+    """Whether a surface's side may come so near that it leads the cable inside."""
+    return surface.side is not None and surface.side.body != surface.body
+
+
+class SurfacePassing(NamedTuple):
+    """Hold a surface in a cable's path, the points before and behind it, where these are in the
+    plane in which the cable is bent, the side there, and that in space."""
+
+    surface: OverSphere | OverCylinder
+    ends: tuple[Point, Point]
+    first: ca.SX
+    last: ca.SX
+    side: ca.SX | None
+    s: ca.SX | None
+
+
+def passing(cable: Cable, at: int, place: Places) -> SurfacePassing:
+    """Return how a cable passes the surface in a place of its path."""
+    _, ends, surface, _ = next(part for part in stretches(cable, place) if part.place == at + 1)
+    assert surface is not None
+    _, _, p, axes, s = seen_from(surface, place, ends)
+    first, last = (ca.mtimes(axes.T, point) for point in p)
+    return SurfacePassing(
+        surface, ends, first, last, None if s is None else ca.mtimes(axes.T, s), s
+    )
+
+
+def lined_up(cable: Cable, at: int, place: Places) -> ca.SX:
+    """Return a number that changes its sign where a cable's ends are in line with an axis."""
+    _, _, first, last, _, _ = passing(cable, at, place)
+    return turn(first, last)
+
+
+def before_touching(cable: Cable, at: int, place: Places) -> ca.SX:
+    """Return how far the straight way is from a surface that it may miss."""
+    surface, _, first, last, side, _ = passing(cable, at, place)
+    missed = ca.sumsqr(next_to_origin(first, last)) / surface.radius**2 - 1
+    return missed if side is None else ca.if_else(is_behind(first, last, side), -1, missed)
+
+
+def before_leap(cable: Cable, at: int, place: Places) -> ca.SX:
+    """Return how far a cable is from where its energy leaps at the surface in a place of its path,
+    negative where it is as good as there."""
+    surface, ends, first, last, side, s = passing(cable, at, place)
+    square = surface.radius**2
+    # Where an end of a cable that is bent goes into the surface, or comes out of it.
+    free = passes(first, last, surface.radius)
+    moving = [d for d, (body, _) in zip((first, last), ends, strict=True) if body != surface.body]
+    depth = ca.mmin(ca.vertcat(SX(1), *(entering(d, square) for d in moving)))
+    if side is None:
+        over = opposed(first, last) if cable.inertia else SX(1)
+    else:
+        over = ca.fmin(opposed(first, side), opposed(last, side))
+        free = ca.logic_and(free, ca.logic_not(is_behind(first, last, side)))
+    over = ca.if_else(outside(first, last, surface.radius), over, 1)
+    found = ca.fmin(ca.if_else(free, 1, depth), over)
+    if s is None or not led_inside(surface):
+        return found
+    # Where the side comes near enough to lead it inside.
+    near = ca.sumsqr(s) < square
+    return ca.fmin(ca.if_else(near, 1, found), entering(s, square))
+
+
+def opposed(a: ca.SX, b: ca.SX) -> ca.SX:
+    """Return 1 + cos of the angle between two directions, less what it is NEAR half a turn."""
+    sizes = ca.sqrt(ca.sumsqr(a) * ca.sumsqr(b) + TINY**2)
+    return 1 + dot(a, b) / sizes - NEAR**2 / 2
+
+
+def entering(point: ca.SX, square: float) -> ca.SX:
+    """Return how far a point is from a circle or sphere, less what it is NEAR it."""
+    return (ca.sumsqr(point) / square - 1) ** 2 - NEAR**2
 
 
 def bending_plane(first: ca.SX, second: ca.SX) -> ca.SX:
@@ -186,13 +316,18 @@ def by_side(
     first: ca.SX, last: ca.SX, radius: float, side: ca.SX
 ) -> tuple[tuple[ca.SX, ca.SX], ca.SX, ca.SX]:
     """Return what `circle` does for a cable that is led by a side of the circle."""
-    turned = turn(first, last)
-    behind = ca.logic_and(turned * turn(last, side) > 0, turned * turn(side, first) > 0)
+    turned, behind = turn(first, last), is_behind(first, last, side)
     left = ca.if_else(behind, turned, -turned) > 0
     ways = [tangents(first, last, radius, sign) for sign in (1, -1)]
     t, arc = chosen(ways, left, radius)
     free = ca.logic_and(passes(first, last, radius), ca.logic_not(behind))
     return t, arc, ca.logic_and(outside(first, last, radius), ca.logic_not(free))
+
+
+def is_behind(first: ca.SX, last: ca.SX, side: ca.SX) -> ca.SX:
+    """Tell whether the half-line away from a side lies between two points."""
+    turned = turn(first, last)
+    return ca.logic_and(turned * turn(last, side) > 0, turned * turn(side, first) > 0)
 
 
 def chosen(
@@ -204,12 +339,14 @@ def chosen(
 
 
 def outside(first: ca.SX, last: ca.SX, radius: float) -> ca.SX:
-    return ca.logic_and(ca.sumsqr(first) >= radius**2, ca.sumsqr(last) >= radius**2)
+    """Tell whether two points are outside of a circle, or on it, to rounding."""
+    least = radius**2 * (1 - ROUNDING)
+    return ca.logic_and(ca.sumsqr(first) >= least, ca.sumsqr(last) >= least)
 
 
 def passes(first: ca.SX, last: ca.SX, radius: float) -> ca.SX:
-    """Tell whether the straight way misses a circle."""
-    return ca.sumsqr(next_to_origin(first, last)) > radius**2
+    """Tell whether the straight way misses a circle, or touches it, to rounding."""
+    return ca.sumsqr(next_to_origin(first, last)) > radius**2 * (1 - ROUNDING)
 
 
 def turn(a: ca.SX, b: ca.SX) -> ca.SX:

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations.algebra import SX, cross, vector
-from linkwork.equations.cables import way
+from linkwork.equations.cables import Places, before_leap, before_touching, lined_up, way
 from linkwork.equations.displacements import measured
 from linkwork.equations.dynamics import add, carried_inward
 from linkwork.equations.tree import Tree, near_offset, offset
@@ -28,10 +28,12 @@ from linkwork.mechanism import (
     Cable,
     Combination,
     Displacement,
+    Mechanism,
     SliderCrank,
     Thrust,
     Transmission,
 )
+from linkwork.mechanism.limits import at_surfaces
 
 
 @dataclass(frozen=True)
@@ -80,11 +82,7 @@ def along(line: Transmission, tree: Tree, position: Callable[[str], ca.SX]) -> A
 
 def led(line: Cable | SliderCrank | Displacement, tree: Tree) -> Along:
     """Return what is measured between bodies in a tree."""
-
-    def place(body: str) -> tuple[ca.SX, ca.SX]:
-        node = tree.node(body)
-        return node.R.matrix, node.O + offset(node, np.zeros(3))
-
+    place = places(tree)
     found = way(line, place) if isinstance(line, Cable) else measured(line, place)
     wrenches = (
         (body, near_offset(tree.node(body), np.zeros(3)), wrench)
@@ -92,3 +90,20 @@ def led(line: Cable | SliderCrank | Displacement, tree: Tree) -> Along:
         if body != GROUND
     )
     return Along(found.length, wrenches=tuple(wrenches))
+
+
+def places(tree: Tree) -> Places:
+    """Return what gives the frames of bodies in a tree."""
+
+    def place(body: str) -> tuple[ca.SX, ca.SX]:
+        node = tree.node(body)
+        return node.R.matrix, node.O + offset(node, np.zeros(3))
+
+    return place
+
+
+def at_surface(mechanism: Mechanism, tree: Tree, name: str) -> ca.SX:
+    """Return a number that passes zero where what is named, one of `at_surfaces`, happens."""
+    line, place, what = at_surfaces(mechanism)[name]
+    makes = {"leaps at": before_leap, "touches": before_touching, "lines up with": lined_up}
+    return makes[what](line, place, places(tree))

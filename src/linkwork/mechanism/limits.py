@@ -4,13 +4,14 @@ may meet in the range."""
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from linkwork.mechanism.contact import touch_names
 from linkwork.mechanism.effects import Limits
 from linkwork.mechanism.joints import TURN, JointFreedom
 from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.record import Record
-from linkwork.mechanism.transmissions import LoadedLength
+from linkwork.mechanism.transmissions import Cable, LoadedLength, PulleyBlock
 
 
 def limited(mechanism: Mechanism) -> Iterator[tuple[str, Limits, str]]:
@@ -51,6 +52,38 @@ def meetings(mechanism: Mechanism) -> tuple[str, ...]:
     lines = mechanism.transmissions.items()
     stops += tuple(end for name, line in lines for end in line_ends(name, line).values())
     return stops + tuple(map(meeting_name, touching(mechanism)))
+
+
+class AtSurface(NamedTuple):
+    """Hold a cable, the place of a surface in its path, and what happens there: its energy "leaps
+    at" it, it "touches" it or comes off it, or it "lines up with" its axis between both ends."""
+
+    cable: Cable
+    place: int
+    what: str
+
+
+def at_surfaces(mechanism: Mechanism) -> dict[str, AtSurface]:
+    """Return what may happen to cables at surfaces by name: "pull leaps at the sphere of arm
+    (path.1)"."""
+    found: dict[str, AtSurface] = {}
+    for name, line in mechanism.transmissions.items():
+        if not isinstance(line, Cable):
+            continue
+        happening = (
+            AtSurface(line, place, what)
+            for what, places in (
+                ("leaps at", line.leaps),
+                ("touches", line.rounded),
+                ("lines up with", line.lines_up),
+            )
+            for place in places
+        )
+        for each in happening:
+            part = line.path[each.place]
+            body = "" if isinstance(part, PulleyBlock) else part.body
+            found[f"{name} {each.what} the {part.type} of {body} (path.{each.place})"] = each
+    return found
 
 
 def touching(mechanism: Mechanism) -> tuple[str, ...]:

@@ -201,6 +201,32 @@ class Cable(LoadedLength):
         return self
 
     @property
+    def rounded(self) -> tuple[int, ...]:
+        """Places in the path of the surfaces where what acts along the cable has kinks."""
+        surfaces = (k for k, part in enumerate(self.path) if isinstance(part, _Over))
+        return tuple(surfaces) if any(self.loads) else ()
+
+    @property
+    def leaps(self) -> tuple[int, ...]:
+        """Places in the path of the surfaces where energy of its own may leap: that of what moves
+        with it where it changes sides, and that of a spring or stop where its length leaps."""
+        stores = any((self.inertia, self.spring.stiffness, self.stop))
+        parts = (self.path[k] for k in self.rounded)
+        inside = (isinstance(part, _Over) and part.inside for part in parts)
+        return tuple(k for k, no in zip(self.rounded, inside, strict=True) if stores and not no)
+
+    @property
+    def lines_up(self) -> tuple[int, ...]:
+        """Places in the path of the cylinders where its rate leaps, and nothing else, as it changes
+        sides."""
+        found = []
+        for k in self.rounded:
+            part = self.path[k]
+            if isinstance(part, OverCylinder) and part.side is None and not part.inside:
+                found.append(k)
+        return () if self.inertia else tuple(found)
+
+    @property
     def bodies(self) -> tuple[str, ...]:
         """Names of the bodies that it touches, in its order, and of those that have its sides."""
         surfaces = (part for part in self.path if isinstance(part, _Over))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from linkwork.checks import by_name, several, shown
 from linkwork.control.events import (
     Event,
+    cable_events,
     limit_events,
     load_events,
     meeting_events,
@@ -109,8 +110,8 @@ def watched(
     """Return events as such, those of the robot's own meetings and loads behind them: names stand
     for ready ones, and plain functions are watched without ending the run."""
     names, own = robot.names, ()
-    if names.meetings or names.loaded:
-        own = (*meeting_events(robot), *load_events(robot))
+    if names.meetings or names.loaded or names.surfaces:
+        own = (*meeting_events(robot), *load_events(robot), *cable_events(robot))
     if isinstance(events, tuple) and not events:
         return own
     given: Sequence[Any] = (

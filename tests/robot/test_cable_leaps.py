@@ -1,0 +1,64 @@
+"""Cables at surfaces: no run goes on silently where the energy of a cable would leap, and a cable
+that ends on its drum is as long as plane geometry has it."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import linkwork as lw
+
+CRANK = """linkwork: 1
+bodies: {{crank: {{mass: 1, inertia: {{xx: 0.02, yy: 0.05, zz: 0.05}}}}}}
+joints: {{j: {{type: revolute, connects: [ground, crank], axis: [0, 0, 1]}}}}
+transmissions:
+  pull: {{type: cable, path: [{{type: point, body: ground, point: [0.5, 0, 0]}},
+          {surface}, {{type: point, body: crank, point: {end}}}], {law}}}
+actuators: [pull]
+"""
+LED = (
+    "{type: sphere, body: ground, radius: 0.1, side: {type: point, body: ground, point: [0, 1, 0]}}"
+)
+SHORT = "{type: cylinder, body: ground, radius: 0.1}"
+SPRING = "spring: {stiffness: 2, rest: 0.1}"
+
+
+def crank(surface: str, law: str, end: str = "[0.3, 0, 0]") -> lw.Robot:
+    return lw.Robot(lw.Mechanism.parse(CRANK.format(surface=surface, law=law, end=end)))
+
+
+@pytest.mark.parametrize(
+    ("surface", "law", "leap"),
+    [(LED, SPRING, 1.5 * np.pi), (SHORT, "inertia: 0.2", np.pi), (SHORT, SPRING, None)],
+)
+def test_a_run_ends_where_a_cable_would_leap_with_energy(surface, law, leap):
+    """By a side at the half-line behind the surface, the shorter way opposite to the other end;
+    without inertia only the rate leaps there. Steps end where it touches the surface at first."""
+    robot = crank(surface, law)
+    run = robot.simulate(robot.state([1.5], [8.0]), duration=0.7)
+    touching = np.arccos(0.1 / 0.5) + np.arccos(0.1 / 0.3)
+    row = abs(run.time - run.coords["event_time"].values[0]).argmin()
+    assert run["joint_position"].values[row, 0] == pytest.approx(touching, abs=1e-8)
+    assert abs(run["energy_balance"].values).max() < 1e-7 * (10 if leap is None else 1)
+    if leap is None:
+        assert run.success
+        return
+    assert "the event 'pull leaps at the " in run.message and "of ground (path.1)'" in run.message
+    assert float(run.final["j"]) == pytest.approx(leap - 1e-3, abs=1e-8)
+    # Members end there, too, and whoever goes on does so knowingly.
+    members = robot.ensemble(robot.state([[1.5], [1.5]], [[8.0], [8.0]]), duration=0.7, samples=2)
+    assert len(members.failed) == 2
+    assert robot.resume(run, duration=0.1).success
+
+
+def test_a_cable_may_end_on_its_drum():
+    """The end lies on the circle but for rounding, on either side of it."""
+    end = 0.1 * np.array([np.cos(0.1), np.sin(0.1)])
+    robot = crank("{type: cylinder, body: crank, radius: 0.1}", SPRING, str([*end.tolist(), 0]))
+    equations = robot.equations
+    length = ca.Function("length", [equations.tree.q], [equations.joints.position("pull")])
+    for q in np.linspace(-3.0, 3.0, 61):
+        turn = abs(q + 0.1)
+        past = min(turn, 2 * np.pi - turn) - np.arccos(0.1 / 0.5)
+        chord = np.sqrt(0.26 - 0.1 * np.cos(turn))
+        wound = np.sqrt(0.24) + 0.1 * past
+        assert float(length(q)) == pytest.approx(wound if past > 0 else chord, abs=1e-14)
