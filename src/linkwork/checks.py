@@ -172,6 +172,13 @@ def file_path(value: object, what: str) -> Path:
     return Path(value)
 
 
+def needed(value: object, kind: type) -> None:
+    """Refuse what is of another kind, as arguments that are swapped are."""
+    if not isinstance(value, kind):
+        name = kind.__name__
+        raise LinkworkError(f"the {name.lower()} is {shown(value)}; give a linkwork.{name}")
+
+
 def by_name(values: Any, what: str, example: str) -> Mapping[str, Any]:
     """Return things by name, none for None; refuse what is no mapping."""
     if values is not None and not isinstance(values, Mapping):

@@ -311,11 +311,13 @@ def test_parameters_of_the_robot_and_of_the_controller_together():
 
 
 def test_unknown_parameters_are_refused(plant):
-    with pytest.raises(lw.LinkworkError, match="there is no parameter 'kq'; there are k"):
+    with pytest.raises(lw.LinkworkError, match=r"there is no parameter 'kq' .*; there are k"):
         plant.simulate(
             plant.home, lambda t, s: [-s.parameter("k", 1.0)], duration=1.0, parameters={"kq": 2.0}
         )
-    with pytest.raises(lw.LinkworkError, match="there is no parameter 'k'; there are none"):
+    with pytest.raises(
+        lw.LinkworkError, match=r"there is no parameter 'k' .robot.free .*; there are none"
+    ):
         plant.simulate(plant.home, [1.0], duration=1.0, parameters={"k": 2.0})
 
 

@@ -1,10 +1,13 @@
 """Refusals that need the geometry: out of reach, open, singular, another robot's; each one sentence
 that names the place."""
 
+import inspect
+
 import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork import analysis, design, export, formats, motions, views
 from linkwork.mechanism import Mechanism
 from linkwork.robot import Robot, SingularError, UnreachableError
 from linkwork.robots import prr3
@@ -244,3 +247,23 @@ def test_robots_that_look_alike(robot):
     refused("its rates are those of pivot_1", robot.gravity, other.home)
     same = Robot(prr3())
     assert np.array_equal(robot.mass_matrix(same.home), robot.mass_matrix(robot.home))
+
+
+@pytest.mark.parametrize("module", [analysis, design, export, formats, motions, views])
+def test_arguments_that_are_swapped(robot, module):
+    """Whatever works on a robot, a mechanism or a map says so where it is given something else."""
+    for name in module.__all__:
+        function = getattr(module, name)
+        if not inspect.isfunction(function) or function is lw.analysis.linearise:  # robot.linearise
+            continue
+        wanted = list(inspect.signature(function).parameters.values())
+        if wanted[0].name in ("robot", "mechanism", "drawn") or name == "plot_workspace":
+            needed = [each for each in wanted if each.default is each.empty]
+            given = {each.name: robot.home for each in needed if "*" not in str(each)}
+            refused("State", function, **given)
+
+
+def test_numbers_that_are_not_free(robot):
+    one = {"platform.mass": [1.0]}
+    refused("robot.free makes one", robot.ensemble, robot.home, parameters=one, duration=0.1)
+    refused("free is 'platform.mass'; give a list of names", lw.Robot, "prr3", free="platform.mass")

@@ -109,7 +109,7 @@ def test_a_run_is_told_without_running_it_again():
     robot = built("prr3")
     run = robot.simulate(robot.home, duration=0.1)
     told = repr(run)
-    assert re.fullmatch(r"Run\('3-PRR', FINISHED at t = 0.1 s, \d+ steps, \d+ samples\)", told)
+    assert re.fullmatch(r"Run\('3-PRR', FINISHED, \d+ steps, \d+ samples until t = 0.1 s\)", told)
     assert callable(vars(run)["message"]) and not run.variables._found
     one = analysis.linearise(robot, robot.home)
     assert repr(one) == (

@@ -387,8 +387,7 @@ def actuation(
         LinkworkError: another number of motors than of joints; joints that do not move
             independently; motors that move with other joints, too.
     """
-    if not isinstance(robot, Robot):
-        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    checks.needed(robot, Robot)
     wanted = names(joints, "joints")
     driven = robot.actuators if motors is None else names(motors, "motors")
     checks.known((*wanted, *driven), robot.rates, "joint rate")

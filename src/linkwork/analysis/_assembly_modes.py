@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.analysis.newton import Solver, random_configurations, solver
 from linkwork.analysis.square import Square, of_joints, of_tool
-from linkwork.checks import amount
+from linkwork.checks import amount, needed
 from linkwork.equations import body_motion, functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
@@ -123,6 +123,7 @@ def assembly_modes(
         LinkworkError: unknown names, wrong count, coordinates that do not determine the motion, a
             continuum of solutions.
     """
+    needed(robot, Robot)
     if joints is None:
         joints = {name: float(robot.home[name]) for name in actuated(robot)}
     if not isinstance(joints, Mapping):
@@ -157,6 +158,7 @@ def working_modes(
         LinkworkError: no tool, a pose of another size, coordinates that do not determine the
             motion, a continuum of solutions.
     """
+    needed(robot, Robot)
     square = of_tool(robot, what)
     if tool is None:
         asked = robot.task_values(robot.home, square.what)

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linkwork.checks import needed
 from linkwork.equations import regressor
 from linkwork.equations.reference import unit
 from linkwork.errors import LinkworkError
@@ -136,6 +137,7 @@ def base_parameters(
     Raises:
         LinkworkError: unknown names; a mechanism that nothing moves in.
     """
+    needed(robot, Robot)
     made = regressor_of(robot, effects)
     states, accelerations = random_motions(robot, samples, seed)
     Y = (made(states, accelerations) * own_rates(robot, states)[:, None]).reshape(

@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.analysis.newton import random_configurations, solver
 from linkwork.analysis.square import of_joints
+from linkwork.checks import needed
 from linkwork.equations.fluid import in_wind
 from linkwork.errors import LinkworkError
 from linkwork.model import checks, closing
@@ -90,6 +91,7 @@ def equilibrium(
     Raises:
         LinkworkError: no equilibrium is found from this guess.
     """
+    needed(robot, Robot)
     u = actuator_forces(robot, forces)
     state = at_rest(robot.home if guess is None else robot.own(guess))
     one_state(robot, state)
@@ -128,6 +130,7 @@ def equilibria(
             is found first.
         seed: of the random configurations.
     """
+    needed(robot, Robot)
     u = actuator_forces(robot, forces)
     names = tuple(name for name in robot.independent if name in robot.coordinates)
     problem = solver(of_joints(robot, names))
@@ -279,6 +282,7 @@ def distributed_forces(
         LinkworkError: bounds within which no forces give these accelerations; directions that no
             actuator drives.
     """
+    needed(robot, Robot)
     one_state(robot, state)
     # Bounds that leave room.
     low, high = bound(robot, lower, "the lower bounds"), bound(robot, upper, "the upper bounds")

@@ -27,7 +27,7 @@ import numpy as np
 
 from linkwork.analysis.error_sources import ErrorSource, sources_of
 from linkwork.analysis.tool_errors import ToolErrors, require_held
-from linkwork.checks import amount, shown
+from linkwork.checks import amount, needed, shown
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import located
 from linkwork.mechanism.task import LENGTHS, DistanceTo
@@ -218,8 +218,7 @@ def error_budget(
             that there is not, or no size; singular poses, by number; numbers whose errors no joint
             takes up, for the mechanism is overconstrained.
     """
-    if not isinstance(robot, Robot):
-        raise LinkworkError(f"the robot is {shown(robot)}; give a linkwork.Robot")
+    needed(robot, Robot)
     if not isinstance(states, State):
         raise LinkworkError(
             f"the states are {shown(states)}; give a State, as robot.assemble makes"

@@ -23,7 +23,7 @@ from typing import Literal
 import numpy as np
 
 from linkwork.analysis.measured_poses import PoseModel, model_of, readings_of
-from linkwork.checks import amount, shown
+from linkwork.checks import amount, needed, shown
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.parameter_units import unit_of_parameter
 from linkwork.patience import announced
@@ -205,6 +205,7 @@ def observability(
     Raises:
         LinkworkError: nothing free, nothing measured, singular poses, numbers that open loops.
     """
+    needed(robot, Robot)
     noise = {"position": position, "rotation": rotation, "encoders": encoders}
     _, slopes = planned(robot, states, measure, joints, noise)
     weighed = (measure == "nothing" or position is not None) and (
@@ -246,6 +247,7 @@ def best_poses(
         LinkworkError: as `observability`; a count that is not from 1 to the number of candidates,
             or so small that what the candidates see cannot be told.
     """
+    needed(robot, Robot)
     noise = {"position": position, "rotation": rotation, "encoders": encoders}
     _, slopes = planned(robot, candidates, measure, joints, noise)
     many, rows, _ = slopes.shape

@@ -41,6 +41,7 @@ from linkwork.analysis.leg_wrenches import (
     transmitted,
     widths,
 )
+from linkwork.checks import needed
 from linkwork.equations.algebra import cross_product
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import GROUND
@@ -95,6 +96,7 @@ def transmission_indices(robot: Robot, state: State) -> TransmissionIndices:
         LinkworkError: no tool or no actuators; gears; a leg with several actuators, with one that
             turns between two moving bodies, or without a unique transmission wrench, by name.
     """
+    needed(robot, Robot)
     # All moments are about the tool, however far from the ground's origin it is.
     robot.require_tool()
     require_single(robot)

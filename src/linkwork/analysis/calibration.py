@@ -29,7 +29,7 @@ from linkwork.analysis.measured_poses import (
     readings_of,
     spatial,
 )
-from linkwork.checks import amount, finite, shown
+from linkwork.checks import amount, finite, needed, shown
 from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.parameter_units import with_unit
@@ -148,8 +148,7 @@ def calibrate(robot: Robot, measured: MeasuredPoses) -> Calibration:
     # What was measured, in one form.
     if not isinstance(measured, MeasuredPoses):
         raise LinkworkError(f"measured is {shown(measured)}; give MeasuredPoses(states, ...)")
-    if not isinstance(robot, Robot):
-        raise LinkworkError(f"the robot is {shown(robot)}; give a linkwork.Robot")
+    needed(robot, Robot)
     q, readings = readings_of(robot, measured.states)
     tool, joints = values_of(robot, measured, len(q))
     model = model_of(

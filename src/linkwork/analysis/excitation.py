@@ -23,6 +23,7 @@ from linkwork.analysis._workspace import positive
 from linkwork.analysis.identification import fourier, tracked
 from linkwork.analysis.newton import Solver, solver
 from linkwork.analysis.square import of_joints
+from linkwork.checks import needed
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.linear import own_rates
@@ -163,6 +164,7 @@ def exciting_trajectory(
     Raises:
         LinkworkError: bounds that do not fit, ranges of which no trial stays in the workspace.
     """
+    needed(robot, Robot)
     from scipy.optimize import minimize
 
     # What is asked fits the robot.

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from linkwork.analysis._base_parameters import Base, base_parameters
 from linkwork.analysis.newton import solver
 from linkwork.analysis.square import of_joints
-from linkwork.checks import finite, shown
+from linkwork.checks import finite, needed, shown
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.linear import own_rates
@@ -210,6 +210,7 @@ def periodic(
         LinkworkError: wrong shapes, fewer samples than coefficients; UnreachableError where the
             loops do not close.
     """
+    needed(robot, Robot)
     # What was measured fits the robot and itself, and determines the series.
     n = len(robot.actuators)
     if robot.independent != robot.actuators:

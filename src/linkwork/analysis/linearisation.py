@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import amount
+from linkwork.checks import amount, needed
 from linkwork.equations.fluid import in_wind
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
@@ -101,6 +101,7 @@ def natural_modes(
         LinkworkError: a state that moves, or that the forces do not hold; wind that leaves the
             stiffness without symmetry.
     """
+    needed(robot, Robot)
     from scipy.linalg import eigh
 
     u = holding_forces(robot, state) if forces is None else actuator_forces(robot, forces)
@@ -152,6 +153,7 @@ def stiffness_matrix(
 
     It is symmetric where the forces are in equilibrium.
     """
+    needed(robot, Robot)
     return evaluated(robot, at_rest(state), actuator_forces(robot, forces))["K"]
 
 
@@ -181,6 +183,7 @@ def tool_stiffness(
     Raises:
         LinkworkError: unknown joints, negative stiffness, joints that leave the robot loose.
     """
+    needed(robot, Robot)
     checks.known(stiffness, robot.rates, "rate")
     for name, value in stiffness.items():
         if checks.number(value, f"the stiffness of {name!r}") < 0:

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from linkwork.analysis.tool_errors import axial, refuse_loose, refuse_open, require_held
-from linkwork.checks import finite, known, positive, shown
+from linkwork.checks import finite, known, needed, positive, shown
 from linkwork.equations import body_motion, functions
 from linkwork.equations.algebra import SX
 from linkwork.equations.reference import unit
@@ -250,8 +250,7 @@ def model_of(
     encoders: float | Mapping[str, float] | None = None,
 ) -> PoseModel:
     """Return the model of a robot's measured poses; refuse what cannot be measured of it."""
-    if not isinstance(robot, Robot):
-        raise LinkworkError(f"the robot is {shown(robot)}; give a linkwork.Robot")
+    needed(robot, Robot)
     if not robot.parameters:
         raise LinkworkError(
             "no number of this robot is free; free those that are to be found: robot.free(...)"

@@ -35,6 +35,7 @@ import numpy as np
 
 from linkwork.analysis._jacobians import Jacobians, jacobians, of_actuators, stacked_rows
 from linkwork.analysis.singular_values import singular_values
+from linkwork.checks import needed
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
@@ -106,6 +107,7 @@ def singularity(
     Raises:
         LinkworkError: a stack of states; no tool; other than as many actuators as freedoms.
     """
+    needed(robot, Robot)
     # One state, and a bound that is one.
     asked, q = watched(robot, what), robot.own(state).q
     checks.positive(bound, "the bound")

@@ -119,8 +119,7 @@ def optimal_motion(
         ModelWarning: a motion that is not settled.
     """
     # One robot, two states in its own rates, and a cost.
-    if not isinstance(robot, Robot):
-        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    checks.needed(robot, Robot)
     if not isinstance(limits, ActuatorLimits):
         raise LinkworkError(
             f"the limits are {checks.shown(limits)}; give motions.ActuatorLimits(force=...)"

@@ -103,8 +103,7 @@ def optimise(
             out of its reach; no optimum found, and why; an optimum that lies beyond a singular
             pose, so that the robot does not get there from its home.
     """
-    if not isinstance(robot, Robot):
-        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    checks.needed(robot, Robot)
     kept = {} if subject_to is None else dict(subject_to)
     for measure in (objective, *kept):
         if not isinstance(measure, Measure):

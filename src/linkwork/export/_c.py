@@ -91,8 +91,7 @@ def c(
         LinkworkError: a function that this robot does not have, or another choice that there is
             not.
     """
-    if not isinstance(robot, Robot):
-        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    checks.needed(robot, Robot)
     choose("precision", precision, ("double", "float"))
     choose("parameters", parameters, ("fixed", "free"))
     choose("sines", sines, ("polynomial", "libm"))

@@ -187,8 +187,7 @@ def casadi(robot: Robot, chart: State | Sequence[str] | None = None) -> CasadiFu
     Raises:
         LinkworkError: rates that there are not, or that do not determine the motion there.
     """
-    if not isinstance(robot, Robot):
-        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    checks.needed(robot, Robot)
     if chart is None:
         return CasadiFunctions(robot, robot.equations)
     state = chart if isinstance(chart, State) else robot.in_chart(robot.home, chart)

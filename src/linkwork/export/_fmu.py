@@ -110,8 +110,7 @@ def fmu(
             it cannot tell, a drive that reads turns which it does not know, a platform without a
             compiler, or another choice that there is not.
     """
-    if not isinstance(robot, Robot):
-        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    checks.needed(robot, Robot)
     if version not in VERSIONS:
         raise LinkworkError(f'version is {checks.shown(version)}; give "3.0" or "2.0"')
     own = prefix(robot.mechanism.name) if name is None else given_prefix(name)

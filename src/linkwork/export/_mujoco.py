@@ -135,8 +135,7 @@ def mujoco(robot: Robot, softness: float = SOFTNESS) -> MujocoModel:
         LinkworkError: MuJoCo is not installed, or refuses the model; MJCF cannot hold the robot, or
             a free joint leads to ground instead of from it.
     """
-    if not isinstance(robot, Robot):
-        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    checks.needed(robot, Robot)
     factor = checks.positive(softness, "softness")
     engine = loaded()
     mechanism, links = with_links(robot.mechanism)

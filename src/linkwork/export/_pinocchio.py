@@ -199,8 +199,7 @@ def pinocchio(robot: Robot) -> PinocchioModel:
         LinkworkError: Pinocchio is not installed; something acts that its model has no place for;
             a joint closes a loop that its constraints do not hold.
     """
-    if not isinstance(robot, Robot):
-        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    checks.needed(robot, Robot)
     mechanism, engine = robot.mechanism, loaded()
     refuse(mechanism)
     # A tree of the robot's own joints.

@@ -41,8 +41,7 @@ def sympy(robot: Robot, *, symbols: SymbolsOf = "free") -> ClosedForms:
 
     Source: the paper, Eqs. (1), (2), (7), (10)-(12).
     """
-    if not isinstance(robot, Robot):
-        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    checks.needed(robot, Robot)
     if symbols not in ("free", "all"):
         raise LinkworkError(f"symbols is {checks.shown(symbols)}; choose from 'free', 'all'")
     try:

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Literal
 
-from linkwork.checks import file_path, shown
+from linkwork.checks import file_path, needed, shown
 from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.formats import xml
 from linkwork.formats.floating import floated
@@ -170,6 +170,7 @@ def save(
         MechanismError: the suffix is another, the format cannot hold the mechanism, or the file
             cannot be written.
     """
+    needed(mechanism, Mechanism)
     path = file_path(path, "the path of a model file")
     suffix = path.suffix.lower()
     if loops not in ("inside", "beside"):

@@ -55,7 +55,7 @@ class Model(SetOnce):
         # What is asked for, then the derivation, which takes nearly all of the time.
         self.mechanism = mechanism = mechanism_of(mechanism, stacklevel=3)
         wanted = checks.names(independent, "independent")
-        self.asked = mechanism, wanted, tuple(free)
+        self.asked = mechanism, wanted, checks.names(free, "free")
         self.equations: Equations = derived(*self.asked)
         for caveat in self.equations.caveats:
             warnings.warn(caveat, ModelWarning, stacklevel=2)

@@ -77,6 +77,7 @@ def flat(
         LinkworkError: what is not flat, by name: a damper beside a spring, parts that meet or stick
             or have bearings, actuators that do not drive the links one by one.
     """
+    checks.needed(robot, Robot)
     drives = spring_drives(robot)
     t = checks.finite(time, "the times")
     require_increasing(t)

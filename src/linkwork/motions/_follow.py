@@ -64,8 +64,7 @@ def follow(
             f"what is followed is {checks.shown(timed)}; give a timed path made by "
             "linkwork.motions, or lead the tool along other paths by robot.follow"
         )
-    if not isinstance(robot, Robot):
-        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
+    checks.needed(robot, Robot)
     samples = sample_count(samples)
     if what is not None:
         timed, what = of_tool(timed, checks.names(what, "what"))

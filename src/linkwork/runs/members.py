@@ -22,7 +22,7 @@ from linkwork.model.chart_transfer import reread
 from linkwork.model.charts import CompiledChart
 from linkwork.model.parameters import with_parameters
 from linkwork.model.state import State
-from linkwork.runs.system import System, plain, require_starts, system
+from linkwork.runs.system import FREED, System, plain, require_starts, system
 from linkwork.simulation import Sampled, Signal
 from linkwork.simulation.many import MemberInputs, as_inputs, require_covers
 
@@ -204,7 +204,7 @@ def members(
     require_starts(runs, state, parameters)
     # What varies: numbers of the robot and of what acts, one for each member.
     names = (*robot.parameters, *(runs.acting.parameters if runs.acting else ()))
-    checks.known(parameters, names, "parameter")
+    checks.known(parameters, names, "parameter", FREED)
     varied = {
         name: checks.finite(values, f"parameter {name!r}") for name, values in parameters.items()
     }

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from linkwork.model.state import State
 
 Forces = ArrayLike | Mapping[str, float] | Sampled | Signal | Sampler | Callable[..., Any] | None
+FREED = " (robot.free makes one of a number of the robot)"
 FREE = 1e300  # absolute tolerance of numbers that may err
 GIVEN = Sampled, Signal  # forces that are given over time
 
@@ -254,7 +255,7 @@ def system(
     joined = joined or robot.rubs
     if not (acts or drives or wrenches or events or joined or robot.names.strains):
         if parameters:
-            checks.known(parameters, (), "parameter")
+            checks.known(parameters, (), "parameter", FREED)
         return plain(robot, forces)
     # What acts, traced once, with the coordinates whose whole turns it reads as extra states.
     given: Any = forces if acts else None
@@ -272,7 +273,7 @@ def system(
                 f"the parameter {name!r} of what acts has the name of a free number of the "
                 "mechanism, so that neither can be told from the other; give it another name"
             )
-    checks.known(parameters, tuple(acting.parameters), "parameter")
+    checks.known(parameters, tuple(acting.parameters), "parameter", FREED)
     values = {**acting.parameters} | {
         name: checks.number(value, name) for name, value in parameters.items()
     }

@@ -99,10 +99,10 @@ class Run(Portrayed):
 
     def __repr__(self) -> str:
         of = f"{self.attrs[NAME]!r}, " if NAME in self.attrs else ""
-        end = f" at t = {self.time[-1]:.6g} s" if len(self.time) else ""
-        samples = f"{amount(self.steps, 'step')}, {amount(len(self.time), 'sample')}"
+        end = f" until t = {self.time[-1]:.6g} s" if len(self.time) else ""
+        samples = f"{amount(self.steps, 'step')}, {amount(len(self.time), 'sample')}{end}"
         error = f", error={self.error!r}" if self.error is not None else ""
-        return f"Run({of}{self.status.name}{end}, {samples}{error})"
+        return f"Run({of}{self.status.name}, {samples}{error})"
 
     @property
     def success(self) -> bool:

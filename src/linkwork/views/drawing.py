@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from linkwork.checks import needed
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
 from linkwork.scene.colours import EDGE, GREY
@@ -54,6 +55,7 @@ def plot_mechanism(
         LinkworkError: a stack of more than one dimension or of no states, axes that do not fit, a
             name that is no joint's.
     """
+    needed(robot, Robot)
     if len(state.batch) > 1 or 0 in state.batch:
         raise LinkworkError(
             f"a stack of states of shape {state.batch} is no sequence of poses; give one dimension"

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from linkwork.checks import shown
 from linkwork.errors import LinkworkError
 from linkwork.scene.colours import GREY, INK, PALE, PLATE, VERMILION
 from linkwork.views.style import new_figure, styled
@@ -75,6 +76,8 @@ def plot_workspace(
         LinkworkError: a quantity that the map does not hold over two or three coordinates, flat
             axes for three coordinates.
     """
+    if not hasattr(mapped, "data_vars"):
+        raise LinkworkError(f"the map is {shown(mapped)}; give one of linkwork.analysis.workspace")
     # What can be drawn over two or three coordinates of the pose.
     known = {
         str(name): array.ndim

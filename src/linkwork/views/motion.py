@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from linkwork.checks import shown
+from linkwork.checks import needed, shown
 from linkwork.errors import LinkworkError
 from linkwork.robot import Motion, Robot, State
 from linkwork.scene.colours import BLUE
@@ -62,6 +62,7 @@ def states_of(robot: Robot, motion: Run | Motion | State) -> State:
     Raises:
         LinkworkError: a run of another robot, or without samples; states that are no stack.
     """
+    needed(robot, Robot)
     if isinstance(motion, Run):
         return run_states(robot, motion)
     states = motion.state if isinstance(motion, Motion) else motion

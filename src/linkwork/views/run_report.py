@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from linkwork.checks import writing
+from linkwork.checks import file_path, needed, writing
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import GearJoint, Limits, Mechanism
 from linkwork.mechanism.parameter_units import with_unit
@@ -51,7 +51,9 @@ def write_report(robot: Robot, run: Run, path: str | Path, *, over: Run | None =
     Raises:
         LinkworkError: a run of another robot, another suffix, a file that cannot be written.
     """
-    path = Path(path)
+    needed(robot, Robot)
+    needed(run, Run)
+    path = file_path(path, "the path of a report")
     if path.suffix.lower() not in (".html", ".htm"):
         raise LinkworkError(f"a report is written as .html, not as {path.name!r}")
     text = render(robot, run, over)

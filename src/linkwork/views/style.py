@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TextIO, cast
 
 import numpy as np
 
-from linkwork.checks import writing
+from linkwork.checks import file_path, shown, writing
 from linkwork.errors import LinkworkError
 from linkwork.scene.colours import BLUE, GREEN, GREY, INK, ORANGE, PINK, SKY, VERMILION
 
@@ -125,7 +125,10 @@ def save_figure(drawn: Figure | Axes, path: str | Path) -> Path:
     Raises:
         LinkworkError: another suffix, or a file that cannot be written.
     """
-    path, figure = Path(path), cast("Figure", getattr(drawn, "figure", drawn))
+    path = file_path(path, "the path of a figure")
+    figure = cast("Figure", getattr(drawn, "figure", drawn))
+    if not hasattr(figure, "savefig"):
+        raise LinkworkError(f"what is drawn is {shown(drawn)}; give a figure, or axes of it")
     if path.suffix.lower() not in (".svg", ".pdf", ".png"):
         raise LinkworkError(f"a figure is written as .svg, .pdf or .png, not as {path.name!r}")
     with writing(path):
