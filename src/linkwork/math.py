@@ -138,7 +138,7 @@ where = elementwise(ca.if_else, np.where)
 
 
 def clip(value: Any, lower: Any, upper: Any) -> Any:
-    """Return the value, or the bound that it lies beyond."""
+    """Return the value, or the bound, `lower` or `upper`, that it lies beyond."""
     return minimum(maximum(value, lower), upper)
 
 

@@ -52,7 +52,7 @@ class ActuationModel:
     """Map coordinates, rates, torques, inertia, limits and gains between joints and motors.
 
     All methods take one state or a stack of states of the robot, and return arrays with the same
-    leading dimensions.
+    leading dimensions. `side` says whether "joints" or "motors" are asked for.
 
     robot: with its loops; joints, motors: k names each; others: further independent rates, at rest
     chart: the equations in the rates of joints and others

@@ -104,6 +104,9 @@ def global_conditioning(mapped: xarray.Dataset) -> float:
     """Return the global conditioning index of a workspace: the mean of the conditioning over all
     reached poses, to the accuracy of the grid.
 
+    Args:
+        mapped: as `workspace` returns it.
+
     Raises:
         LinkworkError: a workspace of which nothing is reached.
     """

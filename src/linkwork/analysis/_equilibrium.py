@@ -126,6 +126,7 @@ def equilibria(
     """Find equilibria under constant actuator forces from random configurations, stable ones first.
 
     Args:
+        robot: any; forces: u of the actuators [N, N m], or by name (others zero); zero if left out.
         starts: number of random configurations of the independent joints, each on the branch that
             is found first.
         seed: of the random configurations.

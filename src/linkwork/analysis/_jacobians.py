@@ -102,7 +102,8 @@ class Jacobians:
         return InputOutput(K, J, det_B[..., 0], det_A[..., 0])
 
     def lengths(self, characteristic: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Return what x' and q' are multiplied by to be lengths over time: 1, or l for turns.
+        """Return what x' and q' are multiplied by to be lengths over time: 1, or the characteristic
+        length l [m], `characteristic_length` if left out, for turns.
 
         Where all actuators turn, or all slide, theirs are left as they are.
         """
@@ -122,7 +123,8 @@ class Jacobians:
         return dexterity.characteristic_length(self.robot, self.task)
 
     def homogeneous(self, K: np.ndarray, characteristic: float | None = None) -> np.ndarray:
-        """Return K (..., n, n) free of units: between lengths over time."""
+        """Return K (..., n, n) free of units: between lengths over time, turns multiplied by a
+        characteristic length [m], `characteristic_length` if left out."""
         x, q = self.lengths(characteristic)
         return K / x * q[:, None]
 

@@ -58,7 +58,7 @@ class Excitation:
 
     def motion(self, robot: Robot, samples: int = 201) -> Motion:
         """Return the motion of the whole robot over one period, to simulate with or to take forces
-        from."""
+        from; samples: number of equally spaced times, both ends among them."""
         time = np.linspace(0, self.period, samples)
         q, v, dv = self.sample(time)
         states = robot.make_state(tracked(robot, q, robot.home.q), v)

@@ -87,7 +87,10 @@ class Identification(Portrayed):
 
     def forces(self, states: State, accelerations: np.ndarray) -> np.ndarray:
         """Return what the identified parameters foretell for the forces on the independent rates
-        (..., n) [N, N m]."""
+        (..., n) [N, N m].
+
+        states: one or a stack; accelerations: v' (..., n) [m/s^2, rad/s^2]
+        """
         Y, known = self.base.regressor.with_known(states, accelerations)
         return Y[..., self.base.columns] @ self.values + known
 

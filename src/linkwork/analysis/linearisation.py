@@ -169,6 +169,7 @@ def tool_stiffness(
         C_x = T (L' k L + K)^-1 T',   K_x = C_x^-1 where the tool can be moved in all its directions
 
     Args:
+        state: one state; the tool is the robot's first.
         stiffness: k of joint rates by name [N/m, N m/rad], of actuators or any other joints; the
             others are rigid only where the loops make them so.
         forces: actuator forces, to add what weight, springs and these forces themselves do (K);

@@ -58,6 +58,9 @@ def limit_events(robot, terminal: bool = True) -> tuple[Event, ...]:
     A free turn is limited by the angle between its joint's frames, 2 acos |qw|: its event is a zero
     of |qw| - cos(limit / 2).
 
+    Args:
+        robot: whose limits are meant; terminal: whether runs end there.
+
     Raises:
         LinkworkError: a robot whose joints have no limits.
     """
@@ -85,6 +88,9 @@ def singular_events(robot, terminal: bool = True) -> tuple[Event, ...]:
 
     A run changes its independent rates near such a pose, and passes it if its motion is regular
     there.
+
+    Args:
+        robot: whose actuators are meant; terminal: whether runs end there.
     """
     return (Event(Regular(), terminal, name="actuator-singular pose"),)
 

@@ -39,8 +39,6 @@ from linkwork.mechanism.sticking import strains
 # Smallest singular value, over that at the reference, from which a configuration is not near a
 # singular one (`Equations.regularity`); and of one.
 REGULAR, LOST = 0.2, 0.01
-
-
 VANISHING = 1e-6  # length at the reference that counts as zero, over that nearby
 ROUNDING = 1e-11  # length that is a rounding error, over the largest one
 GAPING = 1e-4

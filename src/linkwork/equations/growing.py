@@ -171,9 +171,8 @@ def columns(
     """
     if not motion.ball:
         local = snap(own.T @ motion.turn), snap(own.T @ motion.slide)
-        near = (
-            inner if inner.axes is outer.axes else outer
-        )  # the axis is the same before and behind the motion
+        # The axis is the same before and behind the motion.
+        near = inner if inner.axes is outer.axes else outer
         return (Column(rates[0], in_axes(near, motion.turn), in_axes(near, motion.slide), *local),)
     if backwards:
         return tuple(

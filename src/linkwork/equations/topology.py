@@ -96,11 +96,10 @@ def span(mechanism: Mechanism) -> Topology:
     def hang(body: str) -> None:
         described = next((name for name, joint in waiting.items() if joins(joint, body)), None)
         name = described or (body if body not in mechanism.joints else f"{body} in ground")
-        joint = (
-            waiting.pop(name)
-            if described
-            else added.setdefault(name, FreeJoint(connects=(GROUND, body)))
-        )
+        if described:
+            joint = waiting.pop(name)
+        else:
+            joint = added[name] = FreeJoint(connects=(GROUND, body))
         branches.append(Branch(name, GROUND, body, joint.connects[0] == body))
         depth[body] = 1
 

@@ -306,12 +306,9 @@ class Tree:
         v = [zero()] * (len(self.nodes) + 1)
         for node in self.nodes if nodes is None else nodes:
             carried = v[node.parent] + cross(omega[node.parent], node.r)
-            slide = (
-                convert(sliding(node, rates), node.column_axes, node.axes)
-                if node.slides
-                else zero()
-            )
-            v[node.index] = convert(carried, node.before, node.axes) + slide
+            v[node.index] = convert(carried, node.before, node.axes)
+            if node.slides:
+                v[node.index] += convert(sliding(node, rates), node.column_axes, node.axes)
         return v
 
     def accelerations(

@@ -57,5 +57,6 @@ def sympy(robot: Robot, *, symbols: SymbolsOf = "free") -> ClosedForms:
 
 
 def latex(robot: Robot, *, symbols: SymbolsOf = "free") -> str:
-    """Return a LaTeX document of a robot's equations of motion in closed form; see `sympy`."""
+    """Return a LaTeX document of a robot's equations of motion in closed form; symbols, and what is
+    refused, are those of `sympy`."""
     return sympy(robot, symbols=symbols).latex()

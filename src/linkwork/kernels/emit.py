@@ -143,11 +143,9 @@ def evaluation(
         lines.do(f"call void @{name}.fixed(ptr %out)")
     if plan.apart:
         return written + _in_functions(name, lines, program, plan, machine, abreast, shared)
-    wide = (
-        lines
-        if lines.width > 1
-        else lines.of_width(machine.lanes, ConstantTable.of(f"{name}.angles", machine))
-    )
+    wide = lines
+    if lines.width == 1:
+        wide = lines.of_width(machine.lanes, ConstantTable.of(f"{name}.angles", machine))
     body = SectionBody(lines, program, plan, "%kept", "%kept", abreast, shared)
     for section in plan.sections:
         body.add(section)

@@ -64,12 +64,10 @@ def unit_axis(axis: Vector3) -> Vector3:
     length = hypot(*axis)
     if length < 1e-12:
         raise ValueError(f"axis {list(axis)} has no length; give a direction such as [0, 0, 1]")
+    if abs(length - 1) < 1e-15:
+        return axis
     x, y, z = axis
-    return (
-        axis
-        if abs(length - 1) < 1e-15
-        else (followed(x / length), followed(y / length), followed(z / length))
-    )
+    return followed(x / length), followed(y / length), followed(z / length)
 
 
 Axis = Annotated[Vector3, AfterValidator(unit_axis)]

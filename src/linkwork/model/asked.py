@@ -319,8 +319,9 @@ class JointsAsked:
     """Ask for joint coordinates.
 
     what: their names; places, rates: their numbers among the coordinates and the rates of all
-    joints angular: which are angles; wraps: which of these are asked for but for whole turns;
-    units: the mechanism's own
+        joints
+    angular: which are angles; wraps: which of these are asked for but for whole turns; units: the
+        mechanism's own
     """
 
     what: tuple[str, ...]

@@ -246,8 +246,8 @@ class Approach:
 class Least:
     """Take the shortest steps of least squares towards what is asked.
 
-    kernel: of `functions.assembly`, with the robot's own numbers; units: the mechanism's own of the
-    closure rows modes: whose determinants are told
+    kernel: of `functions.assembly`, with the robot's own numbers
+    units: the mechanism's own of the closure rows; modes: whose determinants are told
     """
 
     kernel: Kernel

@@ -234,11 +234,9 @@ class Model(SetOnce):
         """Return the whole turns of joints' coordinates (..., m) that a state holds beside its
         q."""
         (read,) = self.kernel("positions")(state.q)
-        return (
-            0 * read
-            if np.array_equal(state.positions, read)
-            else self.labels.windings(state.positions, read)
-        )
+        if np.array_equal(state.positions, read):
+            return 0 * read
+        return self.labels.windings(state.positions, read)
 
     def own(self, state: State) -> State:
         if not (isinstance(state, State) and state.coordinates is self.coordinates):

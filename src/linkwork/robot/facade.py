@@ -316,19 +316,10 @@ class Robot(Simulated, Portrayed):
         return pinocchio(self)
 
 
+# What a robot holds for its users, beside what it does; and names that warn.
 HELD = (
-    *(
-        "mechanism",
-        "equations",
-        "parameters",
-        "p",
-        "planar",
-        "mobility",
-        "gruebler",
-        "home",
-        "unit",
-    ),
-    *("coordinates", "rates", "independent", "joints", "bodies", "actuators"),
+    *("mechanism", "equations", "parameters", "p", "planar", "mobility", "gruebler", "home"),
+    *("unit", "coordinates", "rates", "independent", "joints", "bodies", "actuators"),
     *("redundant", "spins", "idle", "notes"),
-)  # what a robot holds for its users, beside what it does
-FORMER = ("linearised",)  # names that warn
+)
+FORMER = ("linearised",)

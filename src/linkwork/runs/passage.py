@@ -148,30 +148,8 @@ class Passage:
         chart, v = self.faced(chart, q), np.concatenate([v, z])
         if self.system.acting is not None:
             control = self.system.control(chart, control)
-        return self.stand(chart, self.start, q, v, turns, control)
-
-    def stand(
-        self,
-        chart: CompiledChart,
-        t: float,
-        q: np.ndarray,
-        v: np.ndarray,
-        turns: np.ndarray | None = None,
-        control: Control | None = None,
-    ) -> Stand:
-        """Return a stand from which nothing was done yet; v with the extra states."""
-        return Stand(
-            chart,
-            t,
-            q,
-            v,
-            turns,
-            control,
-            self.settings.max_steps,
-            SOFT,
-            self.shortest,
-            self.settings.integrator,
-        )
+        here, settings = (chart, self.start, q, v, turns, control), self.settings
+        return Stand(*here, settings.max_steps, SOFT, self.shortest, settings.integrator)
 
     @property
     def turning(self) -> Turning:

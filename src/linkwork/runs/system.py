@@ -302,11 +302,9 @@ def followed_by(robot: Model, acting: Acting, state: State | None) -> Followed:
     }
     if not read:
         return ()
-    begun = (
-        np.zeros(len(names))
-        if state is None
-        else np.abs(robot.windings(state)).reshape(-1, len(names)).max(axis=0)
-    )
+    begun = np.zeros(len(names))
+    if state is not None:
+        begun = np.abs(robot.windings(state)).reshape(-1, len(names)).max(axis=0)
     jumps = [
         labels.wound[i] and (begun[i] or name in labels.jumping) for i, name in enumerate(names)
     ]

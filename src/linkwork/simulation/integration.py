@@ -296,14 +296,7 @@ def _sampling(control: Control | None, start: float) -> tuple[np.ndarray, float,
     controller's kernel."""
     if control is None:
         return NOTHING, 0.0, 0, 0
-    first = (
-        math.ceil(start / control.period - ROUNDING)
-        if control.next_sample is None
-        else control.next_sample
-    )
-    return (
-        numbers_of("the held inputs", control.held),
-        float(control.period),
-        first,
-        control.address,
-    )
+    first, held = control.next_sample, numbers_of("the held inputs", control.held)
+    if first is None:
+        first = math.ceil(start / control.period - ROUNDING)
+    return held, float(control.period), first, control.address

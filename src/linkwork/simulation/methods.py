@@ -65,8 +65,8 @@ FIXED = tuple(name for name, entry in METHODS.items() if entry.fixed)
 
 
 def integrator(name: str | None, step: float | None) -> Method | None:
-    """Return a method by its name, None where there is none; refuse names and steps that do not
-    fit."""
+    """Return a method by its name, with the step [s] that it keeps to if it has a fixed one; None
+    where neither is given; refuse names and steps that do not fit."""
     if name is None and step is None:
         return None
     if step is not None:

@@ -191,8 +191,8 @@ class Steppers(HeldMembers):
         self._raise_bounds()
 
     def alone(self, index: int) -> Stepper:
-        """Return a `Stepper` of one member as it is: its `run` is told in all quantities, and where
-        the member ended its `step` raises why."""
+        """Return a `Stepper` of the member at an index as it is: its `run` is told in all
+        quantities, and where the member ended its `step` raises why."""
         i, batch = self._one(index), self._batch
         robot, chart = batch.robot, self.chart(i)
         values = {name: float(given[i]) for name, given in self.parameters.items()}

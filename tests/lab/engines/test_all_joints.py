@@ -79,6 +79,7 @@ LACKING = {
     ("pinocchio", "geared tree"): "Pinocchio has no constraint that could hold a gear",
     ("pinocchio", "geared loop"): "Pinocchio has no constraint that could hold a gear",
     ("pinocchio", "planetary gear"): "Pinocchio has no constraint that could hold a gear",
+    ("mujoco", "planetary gear"): "MJCF holds those of one coordinate of a gear up to the power 4",
     ("exudyn", "planetary gear"): "Exudyn couples two coordinates, not more",
     ("exudyn", "geared loop"): "Exudyn couples two coordinates, not more",
     ("exudyn", "tree with effects 0"): "Exudyn has no rotor for a free turn",

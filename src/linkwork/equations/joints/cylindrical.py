@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, slide, transversals, turn
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, coaxial, slide, turn
 from linkwork.mechanism import CylindricalJoint
 
 
@@ -19,14 +19,8 @@ def motions(joint: CylindricalJoint) -> tuple[ElementaryMotion, ...]:
 
 
 def rows(joint: CylindricalJoint, preferred: np.ndarray) -> tuple[Row, ...]:
-    a = np.array(joint.axis)
-    e1, e2 = transversals(a, preferred)
-    return (
-        Row("position across the axis, 1", e1),
-        Row("position across the axis, 2", e2),
-        Row("direction of the axis, 1", e1, a),
-        Row("direction of the axis, 2", e2, a),
-    )
+    positions, directions = coaxial(np.array(joint.axis), preferred)
+    return (*positions, *directions)
 
 
 KIND = Kind(motions, rows)

@@ -89,8 +89,8 @@ class Kind:
     """Describe a joint kind by functions of the joint's data.
 
     motions: from F1 to F2, in order
-    rows: takes the joint and a preferred first direction; `exchanged` gives the rows with F1 and F2
-    exchanged in_plane: the freedoms that it leaves two bodies in a planar mechanism
+    rows: takes the joint and a preferred first direction
+    in_plane: the freedoms that it leaves two bodies in a planar mechanism
     """
 
     motions: Callable[[Any], tuple[ElementaryMotion, ...]]
@@ -116,6 +116,18 @@ def coincident(preferred: np.ndarray) -> tuple[Row, ...]:
     axis = np.eye(3)[int(np.argmin(np.abs(preferred)))]
     e1, e2 = transversals(axis, preferred)
     return tuple(Row(f"position {number}", e) for number, e in enumerate((e1, e2, axis), start=1))
+
+
+def coaxial(axis: np.ndarray, preferred: np.ndarray) -> tuple[tuple[Row, Row], tuple[Row, Row]]:
+    """Return the two position rows across a common axis, and the two direction rows of it, along
+    directions of which the first is preferred."""
+    e1, e2 = transversals(axis, preferred)
+    positions = Row("position across the axis, 1", e1), Row("position across the axis, 2", e2)
+    directions = (
+        Row("direction of the axis, 1", e1, axis),
+        Row("direction of the axis, 2", e2, axis),
+    )
+    return positions, directions
 
 
 def transversals(axis: np.ndarray, preferred: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

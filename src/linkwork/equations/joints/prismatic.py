@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, slide, transversals
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, coaxial, slide
 from linkwork.mechanism import PrismaticJoint
 
 
@@ -19,15 +19,9 @@ def motions(joint: PrismaticJoint) -> tuple[ElementaryMotion, ...]:
 
 
 def rows(joint: PrismaticJoint, preferred: np.ndarray) -> tuple[Row, ...]:
-    a = np.array(joint.axis)
-    e1, e2 = transversals(a, preferred)
-    return (
-        Row("position across the axis, 1", e1),
-        Row("position across the axis, 2", e2),
-        Row("direction of the axis, 1", e1, a),
-        Row("direction of the axis, 2", e2, a),
-        Row("turn about the axis", e1, e2),
-    )
+    positions, directions = coaxial(np.array(joint.axis), preferred)
+    e1, e2 = (row.e for row in positions)
+    return (*positions, *directions, Row("turn about the axis", e1, e2))
 
 
 KIND = Kind(motions, rows)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, transversals, turn
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, coaxial, turn
 from linkwork.mechanism import RevoluteJoint
 
 
@@ -20,14 +20,8 @@ def motions(joint: RevoluteJoint) -> tuple[ElementaryMotion, ...]:
 
 def rows(joint: RevoluteJoint, preferred: np.ndarray) -> tuple[Row, ...]:
     a = np.array(joint.axis)
-    e1, e2 = transversals(a, preferred)
-    return (
-        Row("position across the axis, 1", e1),
-        Row("position across the axis, 2", e2),
-        Row("position along the axis", a),
-        Row("direction of the axis, 1", e1, a),
-        Row("direction of the axis, 2", e2, a),
-    )
+    positions, directions = coaxial(a, preferred)
+    return (*positions, Row("position along the axis", a), *directions)
 
 
 KIND = Kind(motions, rows)

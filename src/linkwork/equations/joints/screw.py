@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from linkwork.equations.algebra import present
-from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, screw, transversals
+from linkwork.equations.joints.kind import ElementaryMotion, Kind, Row, coaxial, screw
 from linkwork.mechanism import ScrewJoint
 
 
@@ -24,14 +24,9 @@ def motions(joint: ScrewJoint) -> tuple[ElementaryMotion, ...]:
 
 def rows(joint: ScrewJoint, preferred: np.ndarray) -> tuple[Row, ...]:
     a = np.array(joint.axis)
-    e1, e2 = transversals(a, preferred)
-    return (
-        Row("position across the axis, 1", e1),
-        Row("position across the axis, 2", e2),
-        Row("thread", a, pitch=joint.pitch if present(joint.pitch) else None),
-        Row("direction of the axis, 1", e1, a),
-        Row("direction of the axis, 2", e2, a),
-    )
+    positions, directions = coaxial(a, preferred)
+    thread = Row("thread", a, pitch=joint.pitch if present(joint.pitch) else None)
+    return (*positions, thread, *directions)
 
 
 KIND = Kind(motions, rows)
