@@ -51,13 +51,13 @@ import casadi as ca
 from linkwork.equations.algebra import SX, cross, dot, vector
 from linkwork.equations.frames import frame_matrix
 from linkwork.mechanism import GROUND, Cable, OverCylinder, OverSphere, PulleyBlock, ViaPoint
+from linkwork.mechanism.transmissions import acts
 
 TINY = 1e-15  # of lengths and areas that have no direction, in MuJoCo's own units
 GRAZING = 1e-6
 """Angle of an arc below zero that is rounding, where a cable hardly touches [rad]: an arc of nearly
 a whole turn has tangents that cross."""
 ROUNDING = 1e-12  # of the square of a distance: the end of a cable may lie on its drum
-CROSSED = -1e4  # how good a solution is whose tangents cross
 STEPS = 12  # of Newton's method inside a circle
 NEAR = 1e-3
 """Angle [rad], and share of the radius, at which a cable is as good as where it leaps."""
@@ -265,7 +265,7 @@ def before_leap(cable: Cable, at: int, place: Places) -> ca.SX:
     moving = [d for d, (body, _) in zip((first, last), ends, strict=True) if body != surface.body]
     depth = ca.mmin(ca.vertcat(SX(1), *(entering(d, square) for d in moving)))
     if side is None:
-        over = opposed(first, last) if cable.inertia else SX(1)
+        over = opposed(first, last) if acts(cable.inertia) else SX(1)
     else:
         over = ca.fmin(opposed(first, side), opposed(last, side))
         free = ca.logic_and(free, ca.logic_not(is_behind(first, last, side)))
@@ -303,12 +303,11 @@ def bending_plane(first: ca.SX, second: ca.SX) -> ca.SX:
 def circle(first: ca.SX, last: ca.SX, radius: float) -> tuple[tuple[ca.SX, ca.SX], ca.SX, ca.SX]:
     """Return where a cable from one point of a plane to another touches a circle about the origin,
     the arc between, and whether it is bent (1 or 0)."""
-    # The shorter of both ways round whose straight parts do not cross.
+    # The shorter of both ways round, bent where both points are outside and the straight way comes
+    # too near.
     ways = [tangents(first, last, radius, sign) for sign in (1, -1)]
-    goods = [goodness(first, last, t) for t in ways]
-    t, arc = chosen(ways, goods[0] > goods[1], radius)
-    # It is bent where both points are outside and the straight way comes too near.
-    free = ca.logic_or(passes(first, last, radius), ca.fmax(*goods) <= CROSSED)
+    t, arc = chosen(ways, turn(first, last) < 0, radius)
+    free = passes(first, last, radius)
     return t, arc, ca.logic_and(outside(first, last, radius), ca.logic_not(free))
 
 
@@ -394,23 +393,6 @@ def tangents(first: ca.SX, last: ca.SX, radius: float, sign: int) -> tuple[ca.SX
         turned = ca.vertcat(point[1], -point[0])
         found.append((radius**2 * point + turn * radius * reach * turned) / square)
     return found[0], found[1]
-
-
-def goodness(first: ca.SX, last: ca.SX, t: tuple[ca.SX, ca.SX]) -> ca.SX:
-    """Return how good a way round is: short, and bad where its straight parts cross."""
-    short = -ca.sumsqr(t[0] - t[1])
-    return ca.if_else(cross_over(first, t[0], last, t[1]), CROSSED, short)
-
-
-def cross_over(a: ca.SX, b: ca.SX, c: ca.SX, d: ca.SX) -> ca.SX:
-    """Tell whether the straight parts from a to b and from c to d cross."""
-    one, two, apart = b - a, d - c, a - c
-    across = two[1] * one[0] - two[0] * one[1]
-    safe = ca.if_else(ca.fabs(across) < TINY, 1, across)
-    x = (two[0] * apart[1] - two[1] * apart[0]) / safe
-    y = (one[0] * apart[1] - one[1] * apart[0]) / safe
-    within = [ca.logic_and(value >= 0, value <= 1) for value in (x, y)]
-    return ca.logic_and(ca.fabs(across) >= TINY, ca.logic_and(*within))
 
 
 def angle(first: ca.SX, last: ca.SX, sign: int) -> ca.SX:

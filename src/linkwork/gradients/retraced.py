@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from linkwork.control.acting import Acting
-from linkwork.control.events import LineLoad
 from linkwork.errors import LinkworkError
 from linkwork.gradients import run_kernels
 from linkwork.gradients.links import (
@@ -46,6 +45,9 @@ from linkwork.simulation.tableaus import StepPlan
 CLOSE = 2.0**-38  # how near to an event a step ends at it, relative to the time and to the step
 ASIDE = 1e-9  # how far from an event both sides of it are looked at, likewise
 SMOOTH = 1e-6  # jump of y' at an event that is none, relative to it
+OFF_KINKS, STIFFLY_OFF = 1e-7, 1e-5
+"""How far off a kink the slopes of a step are taken, relative to the step, and those of a stiff
+one, whose slopes are differentiated, too: kinks are rounded off within rounding."""
 POWERS = np.arange(4.0)
 GRAZING = 1e-9  # rate of an event function, relative to its parts, at which it does not pass zero
 
@@ -253,7 +255,7 @@ class OfSegment:
         """Yield the links: what happens at a row, and the steps to the next at which anything
         does."""
         last = len(self.t) - 1
-        ends = sorted({0, last, *self.acts, *self.jumps})
+        ends = sorted({0, last, *self.acts, *self.jumps, *self.kinks})
         branching = switching(self.system, self.chart, self.whole.cost)
         if branching is not None:
             x = np.column_stack([self.y, values(self.system.inputs, self.t, False), self.held])
@@ -305,6 +307,7 @@ class OfSegment:
         rows = t.searchsorted(times)
         ends = t[rows] == times
         between = ~ends
+        t, y = self.beside_kinks(a, b)
         plan, apart = plans_of(self.segment.method)
         kernels = self.whole.acting, self.chart, self.whole.cost
         return Steps(
@@ -316,7 +319,7 @@ class OfSegment:
             apart.table,
             self.system.inputs.table,
             t,
-            self.y[a : b + 1],
+            y,
             self.held[a],
             rows[ends],
             numbers[ends],
@@ -325,19 +328,30 @@ class OfSegment:
             numbers[between],
         )
 
-    @cached_property
+    @property
     def stiff(self) -> bool:
-        """Whether its steps are those of the stiff method, which takes slopes where they begin: it
-        is refused that one begins at a kink of friction."""
-        if self.segment.method != RODAS.name:
-            return False
-        for event in map(self.system.events.__getitem__, self.cuts.values()):
-            if isinstance(event.function, LineLoad):
-                raise LinkworkError(
-                    "steps of 'rodas' are not differentiated from where friction has a kink, "
-                    f"{event.name!r}; take another method, such as 'sharp_smart'"
-                )
-        return True
+        """Whether its steps are those of the stiff method, which takes slopes where they begin."""
+        return self.segment.method == RODAS.name
+
+    @cached_property
+    def kinks(self) -> set[int]:
+        """Rows at which what acts has a kink: steps ended there at events, and nothing jumps."""
+        jumping = {0, len(self.t) - 1, *self.acts, *self.jumps}
+        jumping |= set(np.flatnonzero(np.isin(self.t, self.system.inputs.knots)).tolist())
+        return self.cuts.keys() - jumping
+
+    def beside_kinks(self, a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return times and states of the rows from a to b, so that slopes are those of the own
+        side of kinks: steps end before one, and begin there in a state behind it."""
+        t, y = self.t[a : b + 1].copy(), self.y[a : b + 1].copy()
+        off = STIFFLY_OFF if self.stiff else OFF_KINKS
+        if a in self.kinks:
+            y[0] += off * (t[1] - t[0]) * self.slope(y[0], self.state(a, self.held[a]).u[0])[:-1]
+        for place, row in ((0, a), (-1, b)):
+            if row in self.kinks:
+                before, behind = np.diff(self.t[row - 1 : row + 2])
+                t[place] -= min(off * behind, before / 2)
+        return t, y
 
     @cached_property
     def acts(self) -> set[int]:

@@ -45,6 +45,11 @@ __all__ = [
 ]
 
 
+def acts(value: object) -> bool:
+    """Tell whether a number is anything but zero; a free one is."""
+    return not (isinstance(value, int | float) and value == 0)
+
+
 class SlackSpring(Spring):
     """Pull a length towards its rest where it is shorter or longer than that:
     F = -stiffness (max(l - rest - slack, 0) + min(l - rest, 0)) - damping l'."""
@@ -204,13 +209,13 @@ class Cable(LoadedLength):
     def rounded(self) -> tuple[int, ...]:
         """Places in the path of the surfaces where what acts along the cable has kinks."""
         surfaces = (k for k, part in enumerate(self.path) if isinstance(part, _Over))
-        return tuple(surfaces) if any(self.loads) else ()
+        return tuple(surfaces) if any(map(acts, self.loads)) else ()
 
     @property
     def leaps(self) -> tuple[int, ...]:
         """Places in the path of the surfaces where energy of its own may leap: that of what moves
         with it where it changes sides, and that of a spring or stop where its length leaps."""
-        stores = any((self.inertia, self.spring.stiffness, self.stop))
+        stores = self.stop is not None or any(map(acts, (self.inertia, self.spring.stiffness)))
         parts = (self.path[k] for k in self.rounded)
         inside = (isinstance(part, _Over) and part.inside for part in parts)
         return tuple(k for k, no in zip(self.rounded, inside, strict=True) if stores and not no)
@@ -224,7 +229,7 @@ class Cable(LoadedLength):
             part = self.path[k]
             if isinstance(part, OverCylinder) and part.side is None and not part.inside:
                 found.append(k)
-        return () if self.inertia else tuple(found)
+        return () if acts(self.inertia) else tuple(found)
 
     @property
     def bodies(self) -> tuple[str, ...]:
