@@ -4,6 +4,7 @@ docstrings and blanks; with `core` it lists the files that a reader must know, i
 from __future__ import annotations
 
 import ast
+import gc
 import sys
 import tokenize
 from collections import Counter
@@ -87,10 +88,17 @@ WINGS = {
 
 @cache
 def modules() -> tuple[tuple[Path, ast.Module], ...]:
-    """Return all source files with their syntax trees."""
-    return tuple(
+    """Return all source files with their syntax trees, a million objects that stay: garbage is
+    not looked for among them."""
+    gc.disable()
+    found = tuple(
         (path, ast.parse(path.read_text(encoding="utf-8"))) for path in sorted(SOURCE.rglob("*.py"))
     )
+    for _, tree in found:
+        nodes(tree)
+    gc.freeze()
+    gc.enable()
+    return found
 
 
 @cache
@@ -149,19 +157,18 @@ def code_lines(path: Path, tree: ast.Module) -> int:
 def uncommented(path: Path, tree: ast.Module, most: int) -> list[str]:
     """Return the functions whose bodies have more than so many lines of code, and no comment."""
     text = path.read_text(encoding="utf-8")
-    lines = text.splitlines()
-    tokens = tokenize.generate_tokens(StringIO(text).readline)
-    comments = {token.start[0] for token in tokens if token.type == tokenize.COMMENT}
-    found = []
+    lines, long = text.splitlines(), []
     for node in nodes(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             told = ast.get_docstring(node) is not None
             begin = (node.body[0].end_lineno or 0) + 1 if told else node.body[0].lineno
             own = range(begin, (node.end_lineno or begin) + 1)
-            code = sum(bool(lines[number - 1].strip()) for number in own)
-            if code > most and not comments & {*own}:
-                found.append(node.name)
-    return found
+            if sum(bool(lines[number - 1].strip()) for number in own) > most:
+                long.append((node.name, own))
+    # Comments are looked for where there are such functions.
+    tokens = tokenize.generate_tokens(StringIO(text * bool(long)).readline)
+    comments = {token.start[0] for token in tokens if token.type == tokenize.COMMENT}
+    return [name for name, own in long if not comments & {*own}]
 
 
 def sizes() -> tuple[Counter[str], Counter[str]]:

@@ -29,6 +29,9 @@ DISTRIBUTIONS = {
     "log_uniform": (LogUniform(low=0.1, high=10), stats.loguniform(0.1, 10)),
     "normal": (Normal(mean=2, deviation=0.5), stats.norm(2, 0.5)),
     "cut": (Normal(mean=2, deviation=0.5, low=2.1), stats.truncnorm(0.2, np.inf, 2, 0.5)),
+    "cut below": (Normal(mean=2, deviation=0.5, high=1.0), stats.truncnorm(-np.inf, -2, 2, 0.5)),
+    "cut twice": (Normal(mean=2, deviation=0.5, low=1, high=4), stats.truncnorm(-2, 4, 2, 0.5)),
+    "a tail": (Normal(mean=0, deviation=1, low=9, high=20), stats.truncnorm(9, 20)),
     "log_normal": (LogNormal(median=3, deviation=0.4), stats.lognorm(0.4, scale=3)),
     "triangular": (Triangular(low=-1, mode=2, high=3), stats.triang(0.75, -1, 4)),
     "values": (Values(values=(1, 2, 2.5)), None),
@@ -45,6 +48,12 @@ def test_quantiles(name):
     assert stats.kstest(sample, known.cdf).pvalue > 1e-3
     low, high = variation.bounds
     assert low <= sample.min() and sample.max() <= high
+
+
+def test_the_ends_of_a_normal_distribution_are_its_first_and_last_values():
+    for low, high in ((1.0, 4.0), (3.0, 4.0), (-5.0, 1.0), (1.0, 1.0 + 1e-9)):
+        found = Normal(mean=2, deviation=0.5, low=low, high=high).at(np.array([0.0, 1.0]))
+        np.testing.assert_allclose(found, [low, high], rtol=1e-12)
 
 
 @pytest.mark.parametrize("design", [Random(members=999, seed=4), Sobol(members=999, seed=4)])

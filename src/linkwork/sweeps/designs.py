@@ -187,9 +187,11 @@ class Normal(Distribution):
         return (low - self.mean) / self.deviation, (high - self.mean) / self.deviation
 
     def at(self, u: np.ndarray) -> np.ndarray:
-        from scipy.stats import truncnorm
-
-        return self.mean + self.deviation * truncnorm.ppf(u, *self.ends)
+        low, high = self.ends
+        with np.errstate(divide="ignore"):  # of 0, where a value is its end
+            if low < 0:
+                return self.mean + self.deviation * gaussian(np.log(u), low, high)
+            return self.mean - self.deviation * gaussian(np.log1p(-u), -high, -low)
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -204,6 +206,19 @@ class Normal(Distribution):
                 "mean; widen them"
             )
         return self
+
+
+def gaussian(log_u: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Return x with Phi(x) = Phi(low) + u (Phi(high) - Phi(low)), in logarithms, by which far tails
+    are exact; low is negative."""
+    from scipy.special import log_ndtr, ndtr, ndtri_exp  # scipy.stats takes a second to come
+
+    below, most = log_ndtr(low), log_ndtr(high)
+    if high > 0:
+        between = np.log1p(-ndtr(low) - ndtr(-high))
+    else:
+        between = most + np.log(-np.expm1(below - most))
+    return ndtri_exp(np.logaddexp(below, log_u + between))
 
 
 class LogNormal(Distribution):
