@@ -52,6 +52,7 @@ class StateSizes(NamedTuple):
     n: of y; nq: of q; signals: of u over time; held: of u by a sampled controller; parameters: p;
     own: those of p that the closure takes, the first ones; tolerance: of the closure's residual
     apart: those of y that have other weights, the first ones: nq, or 0 where all have the same
+    redundant: whether rows of phi ask that the end of every step is measured, 1 or 0
     """
 
     n: int
@@ -62,6 +63,7 @@ class StateSizes(NamedTuple):
     own: int
     tolerance: float
     apart: int
+    redundant: int
 
 
 class StepBench(NamedTuple):
@@ -184,8 +186,9 @@ def remake(bench, kernels, sizes, method, inputs, t, h, first, last):
 
 @njit(**OPTIONS)
 def close(bench, kernels, sizes, measured, z, state):
-    """Close q, the head of a state, as runs do, which measure the residual of samples; leave the
-    Newton steps in z, and return how many there are."""
+    """Close q, the head of a state, as runs do, which measure the residual of samples, and where
+    rows are redundant that of every step; leave the Newton steps in z, and return how many there
+    are."""
     if kernels.closure == 0:
         return 0
     nq, width, z_next = sizes.nq, bench.z_width, bench.z_next
@@ -216,7 +219,7 @@ def new_state(bench, kernels, sizes, method, h):
         bench, method.a + own, bench.others.a + own, row, h, bench.y, bench.k, bench.width,
         sizes.n, x,
     )  # fmt: skip
-    return close(bench, kernels, sizes, False, bench.z, x)
+    return close(bench, kernels, sizes, sizes.redundant > 0, bench.z, x)
 
 
 @njit(**OPTIONS)

@@ -249,6 +249,7 @@ class OfSegment:
             own=len(equations.parameters),
             tolerance=CLOSURE * self.whole.robot.size,
             apart=equations.nq if self.segment.method == SymplecticEuler.name else 0,
+            redundant=int(bool(self.whole.robot.redundant)),
         )
 
     def links(self) -> Iterator[RunLink]:
