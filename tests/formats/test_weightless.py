@@ -125,3 +125,20 @@ def test_what_follows_from_the_inertia_is_nothing_where_nothing_has_mass(extra, 
     joint, drive = mechanism.joints["second"], mechanism.drives.get("second", {})
     assert joint.spring.stiffness == joint.friction.viscous == 0
     assert not drive.get("bias_rate") and not drive.get("peak_force")
+
+
+def test_ends_that_meet_are_told_where_no_run_begins_from_there(tmp_path):
+    path = tmp_path / "arm.xml"
+    for key, meets in (('damping="5"', True), ('stiffness="9"', False)):
+        path.write_text(
+            f'<mujoco><worldbody><body name="arm"><joint name="pin"/>{HEAVY}<site name="s" '
+            'pos="1 0 0"/></body><site name="t" pos="1 0 0"/></worldbody><tendon><spatial '
+            f'name="tie" {key}><site site="s"/><site site="t"/></spatial></tendon></mujoco>'
+        )
+        mechanism = load(path).mechanism
+        found = [told for told in mechanism.caveats if "the ends of the spring 'tie' meet" in told]
+        assert len(found) == meets
+        robot = lw.Robot(mechanism)
+        assert robot.simulate(robot.home, duration=0.01).success != meets
+        away = load(path, reference={"pin": 0.5}).mechanism
+        assert lw.Robot(away).simulate(lw.Robot(away).home, duration=0.01).success

@@ -140,6 +140,7 @@ def read(path: str | Path, reading: Reading = PLAIN) -> Imported:
     if reading.floating:
         mechanism = floated(mechanism, path.name, notes)
     from linkwork.equations.reference import described
+    from linkwork.formats.meeting_ends import tell_of_ends
     from linkwork.formats.weightless import tell
 
     try:
@@ -148,6 +149,7 @@ def read(path: str | Path, reading: Reading = PLAIN) -> Imported:
         notes.say(f"{path.name}: {refusal}", alters=True)
     else:
         tell(mechanism, path.name, notes)
+        tell_of_ends(mechanism, path.name, notes)
     return Imported(mechanism.model_copy(update={"caveats": notes.caveats()}), notes.sentences())
 
 
