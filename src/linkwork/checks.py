@@ -172,11 +172,13 @@ def file_path(value: object, what: str) -> Path:
     return Path(value)
 
 
-def needed(value: object, kind: type) -> None:
-    """Refuse what is of another kind, as arguments that are swapped are."""
+def needed(value: object, kind: type, makers: str = "") -> None:
+    """Refuse what is of another kind, as arguments that are swapped are; makers: the module whose
+    functions make it, if users do not by its class."""
     if not isinstance(value, kind):
         name = kind.__name__
-        raise LinkworkError(f"the {name.lower()} is {shown(value)}; give a linkwork.{name}")
+        right = f"one made by {makers}" if makers else f"a linkwork.{name}"
+        raise LinkworkError(f"the {name.lower()} is {shown(value)}; give {right}")
 
 
 def by_name(values: Any, what: str, example: str) -> Mapping[str, Any]:

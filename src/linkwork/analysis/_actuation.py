@@ -41,6 +41,7 @@ from linkwork.errors import LinkworkError
 from linkwork.export.as_casadi import as_casadi
 from linkwork.model.charts import CompiledChart
 from linkwork.model.checks import names
+from linkwork.model.posing import start_of
 from linkwork.model.state import State
 from linkwork.robot import Robot
 
@@ -396,9 +397,7 @@ def actuation(
             f"{len(wanted)} joints and {len(driven)} motors are given; give as many of one as of "
             "the other, each once"
         )
-    about = robot.home if guess is None else robot.own(guess)
-    if about.batch:
-        raise LinkworkError("the guess is a stack of states; give one of them")
+    about = start_of(robot, guess)
     chart = arranged(robot, wanted, driven, about.q)
     others = tuple(name for name in chart.independent if name not in wanted)
     require_apart(chart, wanted, driven, about.q)

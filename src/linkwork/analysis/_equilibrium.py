@@ -32,7 +32,7 @@ from linkwork.checks import needed
 from linkwork.equations.fluid import in_wind
 from linkwork.errors import LinkworkError
 from linkwork.model import checks, closing
-from linkwork.model.evaluation import actuator_weights, internal_forces
+from linkwork.model.evaluation import internal_forces, of_actuators
 from linkwork.model.linear import (
     actuator_forces,
     at_rest,
@@ -298,7 +298,7 @@ def distributed_forces(
     if ((u >= low) & (u <= high)).all():
         return u
     # Else the least change of them by internal forces, which do not act on the motion.
-    W = None if weights is None else actuator_weights(robot, weights)
+    W = None if weights is None else of_actuators(robot, weights)
     internal = internal_forces(robot, state, W)  # u = internal z, |z| = |root u|
     G = np.vstack([internal[np.isfinite(low)], -internal[np.isfinite(high)]])
     h = np.concatenate([(low - u)[np.isfinite(low)], (u - high)[np.isfinite(high)]])

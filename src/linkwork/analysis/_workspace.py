@@ -41,6 +41,8 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism.limits import limited
 from linkwork.mechanism.task import unit
 from linkwork.model import checks
+from linkwork.model.evaluation import of_actuators
+from linkwork.model.posing import start_of
 from linkwork.patience import announced
 from linkwork.robot import Robot, State
 
@@ -105,9 +107,7 @@ def workspace(
     J = jacobians(robot, tuple(axes))
     problem, poses = solver(J.inverse), Poses.of(axes)
     assert J.inverse.asked is not None
-    start = (robot.home if guess is None else robot.own(guess)).q
-    if start.ndim != 1:
-        raise LinkworkError("the guess is a stack of states; give one of them")
+    start = start_of(robot, guess).q
     held = replace(poses, values=J.inverse.asked.given(poses.values))
     q, good = reach(problem, held, start, J)
     good[good] = within(robot, q[good], bounds(robot, limits))
@@ -263,12 +263,7 @@ def positive(
         return None
     if np.ndim(values) == 0 and not isinstance(values, Mapping):  # pyright: ignore
         values = [checks.number(values, what)] * len(robot.actuators)
-    numbers = checks.values_by_name(values, robot.actuators, what, "actuator")
-    if not (numbers > 0).all() or numbers.ndim != 1:
-        raise LinkworkError(
-            f"{what} {numbers.tolist()} do not fit; give one positive number per actuator"
-        )
-    return numbers
+    return of_actuators(robot, values, what)
 
 
 def dataset(

@@ -120,10 +120,7 @@ class PeakForce(Measure):
     samples: int = 41
 
     def __post_init__(self) -> None:
-        if not isinstance(self.path, Path):
-            raise LinkworkError(
-                f"the path is {checks.shown(self.path)}; give one made by linkwork.paths"
-            )
+        checks.needed(self.path, Path, "linkwork.paths")
         checks.positive(self.duration, "the duration", "s")
         if checks.count(self.samples, "the number of samples") < FEWEST:
             raise LinkworkError(f"the samples are {self.samples}; give {FEWEST} or more")

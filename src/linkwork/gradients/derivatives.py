@@ -252,7 +252,7 @@ def of_actuators(
             "rates"
         )
     u = evaluation.actuator_forces(robot, state, v_dot, weights)
-    W = 1.0 if weights is None else evaluation.actuator_weights(robot, weights)
+    W = 1.0 if weights is None else evaluation.of_actuators(robot, weights)
     units = evaluation.own_units(robot, state)
     root = np.broadcast_to(np.sqrt(W), count) / units.actuators  # of the weights, in own units
     S, *by_S = told(robot, "actuation", state)

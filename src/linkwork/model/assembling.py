@@ -35,7 +35,7 @@ def assemble(
     branch: str = "guess",
 ) -> State:
     """Close the loops at given joint coordinates or at a tool pose: `Robot.assemble`."""
-    start, asked = start_of(robot, guess), None
+    start, asked = start_of(robot, guess).q, None
     if branch not in BRANCHES:
         raise LinkworkError(f"branch is {branch!r}; give {' or '.join(map(repr, BRANCHES))}")
     if isinstance(joints, Mapping) and tool is None:

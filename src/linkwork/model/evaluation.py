@@ -101,7 +101,7 @@ def actuator_forces(
         return found
     v_dot = checks.accelerations(accelerations, robot.own(state).independent)
     f = dynamics(robot, "inverse_dynamics", state, v_dot, "accelerations", threads)
-    W = 1.0 if weights is None else actuator_weights(robot, weights)
+    W = 1.0 if weights is None else of_actuators(robot, weights)
     if state.independent == robot.actuators:
         return f
     units = own_units(robot, state)
@@ -156,14 +156,16 @@ def own_units(robot: Model, state: State) -> actuation.Units:
     return actuation.Units(driven, robot.chart_of(state).units[robot.equations.nq :])
 
 
-def actuator_weights(robot: Model, weights: ArrayLike | Mapping[str, float]) -> np.ndarray:
-    """Return positive weights (actuators), given in their order or by name."""
-    W = checks.values_by_name(weights, robot.actuators, "weights", "actuator")
-    if not (W.ndim == 1 and (W > 0).all()):
+def of_actuators(
+    robot: Model, values: ArrayLike | Mapping[str, float], what: str = "weights"
+) -> np.ndarray:
+    """Return positive numbers (actuators), given in their order or by name."""
+    found = checks.values_by_name(values, robot.actuators, what, "actuator")
+    if not (found.ndim == 1 and (found > 0).all()):
         raise LinkworkError(
-            f"weights {W.tolist()} do not fit; give one positive number per actuator"
+            f"{what} {found.tolist()} do not fit; give one positive number per actuator"
         )
-    return W
+    return found
 
 
 def actuation_map(robot: Model, state: State) -> np.ndarray:

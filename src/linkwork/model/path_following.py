@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from linkwork.checks import shown
+from linkwork.checks import needed, shown
 from linkwork.errors import LinkworkError
 from linkwork.model import checks, task
 from linkwork.model.asked import ToolAsked
@@ -61,8 +61,7 @@ def follow(
         raise LinkworkError(
             f"a motion of {samples} samples does not fit into memory; give at most {MOST_SAMPLES}"
         )
-    if not isinstance(path, Path):
-        raise LinkworkError(f"the path is {shown(path)}; give one made by linkwork.paths")
+    needed(path, Path, "linkwork.paths")
     robot.require_tool()
 
     def moving(times: np.ndarray) -> list[np.ndarray]:
@@ -109,7 +108,7 @@ def led_in_parts(
     # The first pose as any other; the next ones from those before, moved on by their rates.
     way = sampled(time)
     leader = robot.leader_of_tool(way.asked, kept=True)
-    led = led_along(leader, robot.assembler, start_of(robot, guess), way)
+    led = led_along(leader, robot.assembler, start_of(robot, guess).q, way)
     v, v_dot = (robot.chart.from_tree(each) for each in led[1:])
     # One branch all the way.
     if not (kept := leader.keeps(led[0])).all():

@@ -120,12 +120,12 @@ def stacked(robot: Model, q: np.ndarray, rates: Rates) -> State:
     )
 
 
-def start_of(robot: Model, guess: State | None) -> np.ndarray:
-    """Return q (nq) of a guess, of `home` where there is none."""
-    q = (robot.home if guess is None else robot.own(guess)).q
-    if q.ndim != 1:
+def start_of(robot: Model, guess: State | None) -> State:
+    """Return a guess, `home` where there is none."""
+    state = robot.home if guess is None else robot.own(guess)
+    if state.batch:
         raise LinkworkError("the guess is a stack of states; give one of them")
-    return q
+    return state
 
 
 def independent_rates(robot: Model, rates: Rates, q: np.ndarray) -> np.ndarray:

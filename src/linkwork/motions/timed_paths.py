@@ -54,10 +54,7 @@ class TimedPath:
 
     def __post_init__(self) -> None:
         checks.positive(self.duration, "the duration")
-        if not isinstance(self.path, Path):
-            raise LinkworkError(
-                f"the path is {checks.shown(self.path)}; give one made by linkwork.paths"
-            )
+        checks.needed(self.path, Path, "linkwork.paths")
 
     @classmethod
     def of(
@@ -336,8 +333,7 @@ def along(
 
 def length_of(path: Path, position: int | None = None) -> float:
     """Return the length [m] of a path of constant rate |dp / ds| of its position p."""
-    if not isinstance(path, Path):
-        raise LinkworkError(f"the path is {checks.shown(path)}; give one made by linkwork.paths")
+    checks.needed(path, Path, "linkwork.paths")
     if position not in (None, 2, 3):
         raise LinkworkError(f"position is {checks.shown(position)}; give 2 or 3")
     _, rate, _ = path.curve(np.linspace(0, 1, 101))
