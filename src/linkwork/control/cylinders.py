@@ -115,16 +115,12 @@ class PneumaticCylinder(FluidCylinder):
     type: ClassVar[str] = "pneumatic_cylinder"
     reference_temperature: ClassVar[float] = 293.15  # T_0 of ISO 8778 [K]
     gas_constant: ClassVar[float] = 287.058  # of dry air [J/(kg K)]
-    density: ClassVar[float] = (
-        1.185  # of the reference atmosphere of ISO 8778, 100 kPa and 20 C at 65 % humidity [kg/m^3]
-    )
+    # Of the reference atmosphere of ISO 8778, 100 kPa and 20 C at 65 % humidity [kg/m^3].
+    density: ClassVar[float] = 1.185
 
     def equations(self, command, x, w, z):
-        opening, (p_a, p_b), (V_a, V_b, w_in) = (
-            math.clip(command, -1, 1),
-            (z[0], z[1]),
-            self.volumes(x, w),
-        )
+        opening, p_a, p_b = math.clip(command, -1, 1), z[0], z[1]
+        V_a, V_b, w_in = self.volumes(x, w)
         filling, emptying = math.maximum(opening, 0), math.maximum(-opening, 0)
         m_a = filling * self.flow(self.supply, p_a) - emptying * self.flow(p_a, self.exhaust)
         m_b = emptying * self.flow(self.supply, p_b) - filling * self.flow(p_b, self.exhaust)
@@ -177,11 +173,8 @@ class HydraulicCylinder(FluidCylinder):
     air_pressure: ClassVar[float] = 1e5  # at which the share of air is given [Pa]
 
     def equations(self, command, x, w, z):
-        opening, (p_a, p_b), (V_a, V_b, w_in) = (
-            math.clip(command, -1, 1),
-            (z[0], z[1]),
-            self.volumes(x, w),
-        )
+        opening, p_a, p_b = math.clip(command, -1, 1), z[0], z[1]
+        V_a, V_b, w_in = self.volumes(x, w)
         filling, emptying = math.maximum(opening, 0), math.maximum(-opening, 0)
         into_a = filling * self.edge(self.supply - p_a) - emptying * self.edge(p_a - self.exhaust)
         into_b = emptying * self.edge(self.supply - p_b) - filling * self.edge(p_b - self.exhaust)

@@ -36,10 +36,8 @@ DETERMINED = 1e-4
 NOISE = 1e-11
 """Determinants that are rounding errors, over the product of the sizes of their rows and
 columns."""
-LEAST, FALL = (
-    0.125,
-    16.0,
-)  # relative pivot at least; factor by which scales fall until it is reached
+# Relative pivot at least; factor by which scales fall until it is reached.
+LEAST, FALL = 0.125, 16.0
 
 
 def charts_at(

@@ -22,10 +22,8 @@ from linkwork.equations.chart import Chart, chart_of, choose_orders, constancy, 
 from linkwork.equations.independence import independent_rows
 from linkwork.model.asked import Asked
 
-SAMPLES, SPREAD = (
-    4,
-    0.02,
-)  # configurations around the reference at which rows are looked at, and how far they are from it
+# Configurations around the reference at which rows are looked at, and how far they are from it.
+SAMPLES, SPREAD = 4, 0.02
 FLAT = 1e-5  # determinant, relative to its size around the reference, whose sign is not told
 
 

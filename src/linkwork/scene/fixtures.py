@@ -19,14 +19,10 @@ from linkwork.scene.meshes import POST, Mesh, PlacedMesh, frame_along
 from linkwork.scene.parts import Bar, Coil, Hull, ScenePart
 from linkwork.scene.scene import scene_of
 
-PLATE, EDGE = (
-    0.012,
-    0.0055,
-)  # thickness of plates, radius of the edges of hulls, relative to the mechanism
-COILS, WIRE = (
-    8,
-    0.004,
-)  # of springs: their number, and the radius of the wire relative to the mechanism
+# Thickness of plates, radius of the edges of hulls, relative to the mechanism.
+PLATE, EDGE = 0.012, 0.0055
+# Of springs: their number, and the radius of the wire relative to the mechanism.
+COILS, WIRE = 8, 0.004
 OPACITY = {"shell": 0.55, "base": 0.5}  # by role, of what would hide joints and ground
 SHARP = 1e-6  # one less the cosine of the angle between two faces with an edge between them
 

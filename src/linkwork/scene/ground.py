@@ -17,10 +17,8 @@ from linkwork.scene.symbols import HINGE, KNOB, SLIDER
 # Lengths are relative to the mechanism
 PAD = np.array([0.09, 0.09, 0.008])  # sides of a pad
 RAIL = 0.006  # radius of a rail
-NEEDED, FREE = (
-    0.1,
-    0.3,
-)  # what rails are longer at either end than the slider needs, and where nothing limits it
+# What rails are longer at either end than the slider needs, and where nothing limits it.
+NEEDED, FREE = 0.1, 0.3
 UPRIGHT = 0.9  # cosine of the angle to z of a hinge's axis, above which it stands on its end
 LEVEL = 1e-6  # difference of heights that is none
 

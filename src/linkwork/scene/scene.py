@@ -25,11 +25,8 @@ from linkwork.scene.skeleton import Skeleton, skeleton
 from linkwork.scene.symbols import symbol
 
 # Lengths are relative to the mechanism
-BAR, AXIS, COUPLING = (
-    0.011,
-    0.004,
-    0.003,
-)  # radii of bars, of a tool's axes, and of the lines between geared joints
+# Radii of bars, of a tool's axes, and of the lines between geared joints.
+BAR, AXIS, COUPLING = 0.011, 0.004, 0.003
 ARROW, MASS, WINDING = 0.09, 0.035, 0.025  # length of a tool's axes, radii of masses and of springs
 
 

@@ -26,16 +26,10 @@ from linkwork.scene.skeleton import JointPlace
 
 # Lengths are relative to the mechanism
 HINGE, SLEEVE, ARM = (0.018, 0.06), (0.016, 0.085), (0.010, 0.05)  # radius and length of pins
-KNOB, SEATED, TIP = (
-    0.018,
-    0.03,
-    0.010,
-)  # radii of balls, alone, on what slides, and at the ends of rods
-SLIDER, SHEET, CUBE = (
-    (0.05, 0.05, 0.07),
-    (0.065, 0.065, 0.012),
-    (0.032, 0.032, 0.032),
-)  # sides of boxes
+# Radii of balls, alone, on what slides, and at the ends of rods.
+KNOB, SEATED, TIP = 0.018, 0.03, 0.010
+# Sides of boxes.
+SLIDER, SHEET, CUBE = (0.05, 0.05, 0.07), (0.065, 0.065, 0.012), (0.032, 0.032, 0.032)
 THREAD, WIRE = 0.022, 0.0025  # radius of a thread, and its thickness
 ROD, TUBE, GUIDE = 0.0065, 0.017, 0.004  # radii
 TUBED = 0.55  # part of a telescope's length that is its tube

@@ -20,11 +20,8 @@ from linkwork.scene.curves import across
 from linkwork.scene.skeleton import after_turns
 
 LONGEST = 0.28  # arrow, relative to the mechanism
-RADIUS, FULL_ARC, STEPS = (
-    0.06,
-    1.5 * np.pi,
-    24,
-)  # of arcs: radius relative to the mechanism, angle, pieces
+# Of arcs: radius relative to the mechanism, angle, pieces.
+RADIUS, FULL_ARC, STEPS = 0.06, 1.5 * np.pi, 24
 LEAST = 0.02  # part of the largest below which nothing is drawn
 
 

@@ -34,10 +34,8 @@ CLOSED = 1e-13  # of the rows in the mechanism's own units, relative to the robo
 CLOSING = 12  # steps that close the loops
 RANK = 1e-9  # singular value of rows, relative to the largest, that counts as none
 ARRIVED = 1e-9  # distance from a goal that counts as none, relative to the mechanism
-PIECE, PIECES = (
-    0.05,
-    2,
-)  # of the way walked at a time, relative to the mechanism; walked in one step, at most
+# Of the way walked at a time, relative to the mechanism; walked in one step, at most.
+PIECE, PIECES = 0.05, 2
 FINEST = 1e-5  # piece of the way to a strict goal, relative to the mechanism
 STUCK = 0.02  # part of a piece by which the goal's rows have to move
 TURN_LENGTH = 0.25  # what a turn of 1 rad counts as, relative to the mechanism

@@ -31,19 +31,13 @@ ARROWS = {
 BODILY = ("member", "plate", "shell")  # roles of what takes the colour of the conditioning
 REACHED, SINGULAR = 0.25, 0.5  # opacity of the surfaces of what the tool reaches
 FAINT = 0.3  # opacity of the run that is laid over
-SHAFT, HEAD, HEAD_LENGTH = (
-    0.006,
-    0.016,
-    0.04,
-)  # radii and length of arrows, relative to the mechanism
+# Radii and length of arrows, relative to the mechanism.
+SHAFT, HEAD, HEAD_LENGTH = 0.006, 0.016, 0.04
 ARC = 0.008  # thickness of arcs
 HANDLE = 0.22  # of the tool's handle
 GRID_CELLS = 20
-SKY, EARTH, LIGHT = (
-    (255, 255, 255),
-    (150, 150, 160),
-    1.0,
-)  # light from all around: reflections and shadows cost too much
+# Light from all around: reflections and shadows cost too much.
+SKY, EARTH, LIGHT = (255, 255, 255), (150, 150, 160), 1.0
 TRAIL = 2.5  # width of the tools' trail [pixels]
 SPRING = 4.0  # width of the line from a body to the hand that pulls [pixels]
 AXIS, AXIS_RADIUS = 0.09, 0.0025  # of frames, relative to the mechanism

@@ -27,10 +27,8 @@ if TYPE_CHECKING:
 
     from linkwork.viewer.pulling import Live
 
-FRAME, IDLE = (
-    1 / 30,
-    0.25,
-)  # between two pictures, and how long to wait for a wish while nothing moves [s]
+# Between two pictures, and how long to wait for a wish while nothing moves [s].
+FRAME, IDLE = 1 / 30, 0.25
 LONGEST = 0.2  # time that may pass in one picture [s]
 TEXTS = 0.12  # how often what is written is refreshed [s]
 FAILED = "this failed unexpectedly; the terminal shows why"

@@ -30,10 +30,8 @@ if TYPE_CHECKING:
 
 SIDE = 5.0  # of the picture [in]
 OLDEST, LAST_BUT_ONE = 0.12, 0.45  # how strong earlier poses are drawn
-BOXED, DOTTED = (
-    -0.2,
-    0.2,
-)  # levels of joints that are boxes, below what may turn in them, and that are dots
+# Levels of joints that are boxes, below what may turn in them, and that are dots.
+BOXED, DOTTED = -0.2, 0.2
 BARS = ("member", "rod", "tube")
 
 

@@ -16,20 +16,16 @@ from linkwork.scene.curves import across
 from linkwork.views.canvas import Canvas, direction
 from linkwork.views.plane import hatched
 
-ELEVATIONS, AZIMUTHS = (
-    (24, 34),
-    (-56, -68, -40, -24, 22, 36),
-)  # of the viewer [deg]; the first ones where they serve
+# Of the viewer [deg]; the first ones where they serve.
+ELEVATIONS, AZIMUTHS = (24, 34), (-56, -68, -40, -24, 22, 36)
 BETTER = 0.1  # by how much another must be better
 CLOSE = 0.02  # distance in the picture that counts as none, relative to the mechanism
 PAD = 0.045  # half the side of a pad, relative to the mechanism
 ROOM = 0.56  # half the axes' length over the extent of what is drawn
 THIN = 0.16  # least of it, relative to the mechanism
 STROKE = 0.025  # distance of the strokes at a rail, relative to the mechanism
-ZOOM, FILLED = (
-    0.86,
-    0.94,
-)  # of axes beside others, leaving room for labels; part of a figure for themselves
+# Of axes beside others, leaving room for labels; part of a figure for themselves.
+ZOOM, FILLED = 0.86, 0.94
 LABEL = 9  # distance of the axes' names from their numbers [pt]
 TICKS = 6
 

@@ -67,10 +67,8 @@ LOOPS = ("revolute", "continuous", "prismatic", "fixed", "spherical", "ball", "p
 CONSTRAINTS = (*LOOPS, "universal")
 MODEL = "__model__"  # SDF's name of the frame of the whole model
 GAZEBO = ("revolute", "continuous", "prismatic", "fixed", "ball")
-LIGHT, NEAR = (
-    1e-6,
-    5e-4,
-)  # of three hinges that are a spherical joint: mass of links, distance of axes, over the robot's
+# Of three hinges that are a spherical joint: mass of links, distance of axes, over the robot's.
+LIGHT, NEAR = 1e-6, 5e-4
 
 
 @dataclass(frozen=True)
