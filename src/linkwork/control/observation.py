@@ -27,7 +27,7 @@ from linkwork.equations.tree import near_offset, offset
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism, Tool
 from linkwork.mechanism.bearing import loaded
-from linkwork.mechanism.limits import at_surfaces, meetings
+from linkwork.mechanism.limits import at_surfaces, meetings, pulling
 from linkwork.mechanism.sticking import Strain, strains
 from linkwork.mechanism.task import labels
 
@@ -53,10 +53,10 @@ class Names:
     """Hold the names by which a controller reads: of coordinates, rates, actuators, bodies, extra
     states and transmissions.
 
-    pose: number of components of the tool's pose, 0 without a tool; meetings: what may meet;
-        strains: of bristles; task: coordinates of the task that the tool states; loaded: forces
-        along lines by whose size joints rub; surfaces: what may happen
-        to cables there
+    pose: number of components of the tool's pose, 0 without a tool; meetings: what may meet,
+        and ends of slack; strains: of bristles; task: coordinates of the task that the tool states;
+        loaded: forces along lines by whose size joints rub; surfaces: what may happen to cables
+        there
     """
 
     coordinates: tuple[str, ...]
@@ -83,7 +83,7 @@ class Names:
             tuple(mechanism.bodies),
             pose,
             tuple(extras),
-            meetings(mechanism),
+            meetings(mechanism) + pulling(mechanism),
             tuple(mechanism.transmissions),
             tuple(strains(mechanism)),
             labels((mechanism.first_tool.task if mechanism.tools else None) or ()),

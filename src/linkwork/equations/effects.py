@@ -37,7 +37,7 @@ from linkwork.equations.tree import Node, Tree, near_offset
 from linkwork.mechanism import Friction, LoadedLength, Mechanism, PointSpring, SlackSpring, Spring
 from linkwork.mechanism.impact import Stop
 from linkwork.mechanism.joints import TURN, JointFreedom
-from linkwork.mechanism.limits import end_names, line_ends
+from linkwork.mechanism.limits import end_names, line_ends, slack_ends
 
 TINY = 1e-300  # square of a length that is not divided by zero
 NONE: Mapping[str, ca.SX] = {}
@@ -155,6 +155,16 @@ def stop_end(
     assert stop is not None
     sign, gradient = 1 if side == "upper" else -1, SX(1) if along is None else along
     return StopEnd(name, Pressing(stop, sign * beyond), sign * gradient)
+
+
+def slack_gaps(joints: JointMap) -> dict[str, ca.SX]:
+    """Return how far lengths are within the slack of springs along them, by the end's name."""
+    found = {}
+    for name, line in joints.mechanism.transmissions.items():
+        ends = slack_ends(name, line) if isinstance(line, LoadedLength) else {}
+        for end, (side, at) in ends.items():
+            found[end] = side * (at + line.spring.rest - joints.position(name))
+    return found
 
 
 def freedoms(

@@ -288,12 +288,12 @@ class Equations:
 
     @cached_property
     def gaps(self) -> dict[str, ca.SX]:
-        """How far what may meet is apart, negative where it presses, by name [m, rad]."""
+        """How far what may meet is apart, negative where it presses or pulls, by name [m, rad]."""
         ends = (end for freedom in self.freedoms for end in freedom.ends)
         places = contact.touches(self.mechanism, self.tree)
-        return {end.name: -end.pressing.depth for end in ends} | {
-            meeting_name(place.name): -place.pressing.depth for place in places
-        }
+        met = {meeting_name(place.name): -place.pressing.depth for place in places}
+        slack = effects.slack_gaps(self.joints)
+        return {end.name: -end.pressing.depth for end in ends} | met | slack
 
     @cached_property
     def inertia(self) -> tuple[ca.SX, ca.SX]:

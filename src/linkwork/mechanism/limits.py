@@ -11,7 +11,7 @@ from linkwork.mechanism.effects import Limits
 from linkwork.mechanism.joints import TURN, JointFreedom
 from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.record import Record
-from linkwork.mechanism.transmissions import Cable, LoadedLength, PulleyBlock
+from linkwork.mechanism.transmissions import Cable, LoadedLength, PulleyBlock, acts
 
 
 def limited(mechanism: Mechanism) -> Iterator[tuple[str, Limits, str]]:
@@ -52,6 +52,27 @@ def meetings(mechanism: Mechanism) -> tuple[str, ...]:
     lines = mechanism.transmissions.items()
     stops += tuple(end for name, line in lines for end in line_ends(name, line).values())
     return stops + tuple(map(meeting_name, touching(mechanism)))
+
+
+def slack_ends(name: str, line: LoadedLength) -> dict[str, tuple[int, float]]:
+    """Return the ends of a spring's slack by name, "mesh: spring at the lower end": on which side
+    it pulls, -1 or 1, and where from its rest on."""
+    spring = line.spring
+    if not (acts(spring.stiffness) and acts(spring.slack)):
+        return {}
+    ends = {"lower": (-1, 0.0), "upper": (1, spring.slack)}
+    return {f"{name}: spring at the {side} end": end for side, end in ends.items()}
+
+
+def pulling(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return the names of the ends of slack at which springs begin to pull."""
+    lines = mechanism.transmissions.items()
+    return tuple(
+        end
+        for name, line in lines
+        if isinstance(line, LoadedLength)
+        for end in slack_ends(name, line)
+    )
 
 
 class AtSurface(NamedTuple):
