@@ -117,9 +117,8 @@ def identify(
     states, n, own = data.states, robot.mobility, own_rates(robot, data.states)
     applied = np.einsum("kan,ka->kn", robot.actuation(states), data.forces)
     Y, known = base.regressor.with_known(states, data.accelerations)
-    right = (
-        own * (applied - known)
-    ).T.ravel()  # energies: all samples of one rate, then of the next
+    # Energies: all samples of one rate, then of the next.
+    right = (own * (applied - known)).T.ravel()
     rows = np.swapaxes(own[:, None] * Y[..., base.columns], 0, 1).reshape(right.size, -1)
     if right.size <= rows.shape[1]:
         raise LinkworkError(

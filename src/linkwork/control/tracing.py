@@ -119,9 +119,8 @@ class Tracer:
             LinkworkError: a function that cannot be called with symbols, in one sentence.
         """
         with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore", FutureWarning
-            )  # NumPy's functions are welcome on symbols
+            # NumPy's functions are welcome on symbols.
+            warnings.simplefilter("ignore", FutureWarning)
             self.t.reference = partial(self.reference, what=what)
             try:
                 result = function(self.t, self.state)

@@ -25,13 +25,14 @@ CLOSED = 1e-12
 NEIGHBOURS = 4
 STARTS = 30
 SPREAD = 0.05
+# How far coordinates are moved out of a singular start, each several times.
 BENDS = (
     0.1,
     0.2,
     0.4,
     0.8,
     1.6,
-)  # how far coordinates are moved out of a singular start, each several times
+)
 OPEN = 1e-9  # gap that rounding of large coordinates never excuses
 DAMPING = 1e-6
 """Over the largest number of Phi: far above the rounding of inconsistent rows, far below what

@@ -138,9 +138,8 @@ def by_noc(robot: Robot, motion: Motion, signal: Signal, time: np.ndarray) -> Cu
         run = robot.simulate(
             motion.state.at(0), signal, duration=float(time[-1]), rtol=RTOL, atol=ATOL, save_at=time
         )
-        dict(
-            run.variables
-        )  # what follows from coordinates and rates is measured when it is asked for
+        # What follows from coordinates and rates is measured when it is asked for.
+        dict(run.variables)
         return perf_counter() - start, run
 
     runs = [simulate() for _ in range(REPEATS)]

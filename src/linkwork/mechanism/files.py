@@ -255,8 +255,7 @@ Dumper.add_representer(
         "tag:yaml.org,2002:map", data.items(), flow_style=_flat(data)
     ),
 )
-Dumper.add_multi_representer(
-    float, lambda dumper, number: dumper.represent_float(float(number))
-)  # NumPy's, too
+# NumPy's, too.
+Dumper.add_multi_representer(float, lambda dumper, number: dumper.represent_float(float(number)))
 for pattern, meaning in ((NUMBER, "float"), (TRUTH, "bool"), (EMPTY, "null")):
     Dumper.add_implicit_resolver(f"tag:yaml.org,2002:{meaning}", pattern, None)

@@ -37,6 +37,7 @@ ANGLES = ("beta", "Theta", "gamma", "Phi", "delta", "Omega", "epsilon")
 
 A, B, C = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072)  # fixed points [m]
 MASSES = (0.04325, 0.00365, 0.02373, 0.00706, 0.07050, 0.00706, 0.05498)  # of K1 .. K7 [kg]
+# About the mass centres [kg m^2].
 INERTIAS = (
     2.194e-6,
     4.410e-7,
@@ -45,7 +46,7 @@ INERTIAS = (
     1.169e-5,
     5.667e-7,
     1.912e-5,
-)  # about the mass centres [kg m^2]
+)
 rr, d, ss, e, zt, u, zf = 0.007, 0.028, 0.035, 0.02, 0.04, 0.04, 0.02  # lengths between joints [m]
 sc, sd = 0.018, 0.02  # the spring's point on K3 [m]
 ra, da, sa, sb, ea, ta, tb, ua, ub, fa = (  # places of the mass centres [m]

@@ -51,6 +51,7 @@ TENSORS = (  # xx, yy, zz about the mass centres [kg m^2]
 )
 J = (200e-6, 200e-6, 200e-6, 33e-6, 33e-6, 33e-6)  # rotors [kg m^2]
 G = (-62.6111, 107.815, -53.7063, 76.0364, 71.923, 76.686)  # gear ratios
+# Viscous friction at the motors [N m s/rad].
 B = (
     1.48e-3,
     0.817e-3,
@@ -58,7 +59,7 @@ B = (
     71.2e-6,
     82.6e-6,
     36.7e-6,
-)  # viscous friction at the motors [N m s/rad]
+)
 T_c = (  # Coulomb friction at the motors, forwards and backwards [N m]
     (0.395, 0.435),
     (0.126, 0.071),

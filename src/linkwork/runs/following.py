@@ -157,9 +157,8 @@ def of_members(
     reached = np.concatenate(
         [np.ones((len(batch), 1), bool), ~np.isnan(rates).any(axis=-1)], axis=1
     )
-    last = np.maximum.accumulate(
-        np.where(reached, np.arange(reached.shape[1]), 0), axis=1
-    )  # where a run did not get: before
+    # Where a run did not get: before.
+    last = np.maximum.accumulate(np.where(reached, np.arange(reached.shape[1]), 0), axis=1)
 
     def along(values: np.ndarray, at_start: np.ndarray) -> np.ndarray:
         whole = np.concatenate([at_start[:, None], values], axis=1)

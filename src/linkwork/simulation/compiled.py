@@ -173,12 +173,8 @@ def _cached(function: Callable, signature) -> Dispatcher | None:
     try:
         try:
             dispatcher.compile(signature)
-        except (
-            AttributeError,
-            ImportError,
-            EOFError,
-            pickle.UnpicklingError,
-        ):  # written by another version of the file
+        except (AttributeError, ImportError, EOFError, pickle.UnpicklingError):
+            # What is kept was written by another version of the file.
             dispatcher._cache.flush()  # pyright: ignore[reportAttributeAccessIssue]
             dispatcher.compile(signature)
     except OSError:  # the folder failed while being read or written

@@ -143,7 +143,6 @@ def whole_or_nothing(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise LinkworkError(f"cannot write '{path}': {error.strerror or error}") from error
     finally:
-        with contextlib.suppress(
-            OSError
-        ):  # where nothing can be written there is nothing to remove either
+        # Where nothing can be written there is nothing to remove either.
+        with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)

@@ -342,9 +342,8 @@ class Sobol(Drawn):
         if first:
             sequence.fast_forward(first)
         with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore", UserWarning
-            )  # of counts that are no powers of two: a chunk is none
+            # Of counts that are no powers of two: a chunk is none.
+            warnings.simplefilter("ignore", UserWarning)
             return sequence.random(last - first)
 
 

@@ -156,9 +156,8 @@ def create(path: Path, bench: Bench) -> None:
                 kind, attrs = ("f8", {"units": "s"}) if axis == "time" else (str, {})
                 add(group, axis, values.shape, values.shape, (axis,), kind, attrs)[:] = values
             with warnings.catch_warnings():
-                warnings.simplefilter(
-                    "ignore", UserWarning
-                )  # xarray wants what version 3 of the format leaves open
+                # xarray wants what version 3 of the format leaves open.
+                warnings.simplefilter("ignore", UserWarning)
                 zarr.consolidate_metadata(part)
             part.rename(path)
         finally:

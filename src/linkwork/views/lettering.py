@@ -19,9 +19,8 @@ ASIDE = 0.055  # distance of a name from its joint, relative to the mechanism
 CLOSE = 0.045  # distance of joints in the picture below which their names stand together
 LETTER, LINE = 0.019, 0.036  # width of a letter and height of a line
 SMALLER = 1.5  # how much smaller mechanisms are drawn in space, where axes take much of the picture
-COVERED = np.array(
-    list(product(np.linspace(-1, 1, 7), (-1, 0, 1)))
-)  # places in a box, in its half size
+# Places in a box, in its half size.
+COVERED = np.array(list(product(np.linspace(-1, 1, 7), (-1, 0, 1))))
 DIRECTIONS = 16
 FREE = 1.6  # distance to all that is drawn, in sizes of the box, that is as good as any larger one
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
 
 WIDTH, HEIGHT = 5.6, 4.4  # [in]
+# Of two the first lies along the picture, the other upwards.
 POSE = (
     "x",
     "y",
@@ -33,7 +34,7 @@ POSE = (
     "rx",
     "ry",
     "rz",
-)  # of two the first lies along the picture, the other upwards
+)
 OVER = {2: "two", 3: "three"}  # how many coordinates a picture may have
 ROOM = 0.05  # between what is reached and the ends of the axes in space, relative to it
 BAR = {"shrink": 0.7, "pad": 0.14}  # of colours beside axes in space: its length, its distance

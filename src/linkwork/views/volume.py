@@ -14,9 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-AROUND = np.array(
-    [(-1, -1), (0, -1), (0, 0), (-1, 0)]
-)  # cubes about an edge, counter-clockwise against its direction
+# Cubes about an edge, counter-clockwise against its direction.
+AROUND = np.array([(-1, -1), (0, -1), (0, 0), (-1, 0)])
 
 
 @dataclass(frozen=True, eq=False)

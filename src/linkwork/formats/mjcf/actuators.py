@@ -142,9 +142,8 @@ class ActuatorReader:
                 continue
             self.found.names[name] = None
             line = self.found.transmissions.get(name)
-            whole = (
-                isinstance(line, Thrust | Displacement) or "." in name
-            )  # which have the gear in them
+            # These have the gear in them.
+            whole = isinstance(line, Thrust | Displacement) or "." in name
             between = line if isinstance(line, Displacement | SliderCrank) else None
             law = self.laws.law(element, 1.0 if whole else float(gear[0]), between)
             if law:

@@ -144,6 +144,7 @@ CONSEQUENCES = {
 NOTHING = {"0", "false", "none", "auto", ""}
 PASSIVE = ("equality", "spring", "damper", "frictionloss")
 FORCES = (*PASSIVE, "limit", "actuation")
+# Elements whose unread attributes move nothing.
 UNFELT = (
     "actuator",
     "default",
@@ -151,14 +152,15 @@ UNFELT = (
     "key",
     "keyframe",
     "site",
-)  # elements whose unread attributes move nothing
+)
+# Attributes of that kind.
 BOUNDS = (
     "range",
     "actuatorfrcrange",
     "actuatorfrclimited",
     "actuatorgravcomp",
     "mocap",
-)  # attributes of that kind
+)
 
 
 RANGES = {"range", "ctrlrange", "forcerange", "actrange", "actuatorfrcrange"}

@@ -123,9 +123,8 @@ class ModelTree:
     sites: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
     geoms: dict[str, tuple[str, np.ndarray, Element]] = field(default_factory=dict)
     meshes: Meshes = field(default_factory=Meshes)
-    bodies: dict[str, str] = field(
-        default_factory=lambda: {WORLD: GROUND}
-    )  # name in the file -> name here
+    # Name in the file -> name here.
+    bodies: dict[str, str] = field(default_factory=lambda: {WORLD: GROUND})
 
     def chain(self, body: str) -> list[ModelBody]:
         """Return the bodies from a body to the one that stands in ground."""

@@ -121,9 +121,8 @@ def spare_mass(mechanism: Mechanism, name: str, points: np.ndarray) -> float:
     """Return the mass that a body gives to each rod that holds one of these points (n, 3) [kg]."""
     body = mechanism.bodies[name]
     J, P = moments(body), homogeneous(points)
-    scale = np.sqrt(
-        np.where(np.diag(J) > 0, np.diag(J), 1.0)
-    )  # lengths and the unit of mass differ in size
+    # Lengths and the unit of mass differ in size.
+    scale = np.sqrt(np.where(np.diag(J) > 0, np.diag(J), 1.0))
     J, P = J / np.outer(scale, scale), P / scale[:, None]
     inverse = np.linalg.pinv(J, rcond=1e-10, hermitian=True)
     greatest = float(np.linalg.eigvalsh(P.T @ inverse @ P)[-1])
