@@ -9,9 +9,16 @@ from linkwork.mechanism.bearing import bearings, what_rubs
 
 def tell_differences(sheet: Sheet) -> None:
     """Note what MuJoCo takes otherwise than the mechanism."""
-    # What MuJoCo's constraints are: soft, and without gamma for held tendons and curved gears.
-    say, effects = sheet.notes.say, [move.effects for move in sheet.moves.values()]
-    kinds = {tie.kind for tie in sheet.plan.ties}
+    tell_constraints(sheet)
+    tell_effects(sheet)
+    tell_joints(sheet)
+    tell_left_out(sheet)
+
+
+def tell_constraints(sheet: Sheet) -> None:
+    """Note what MuJoCo's constraints are: soft, and without gamma for held tendons and curved
+    gears."""
+    say, kinds = sheet.notes.say, {tie.kind for tie in sheet.plan.ties}
     if kinds or sheet.mechanism.gears:
         say(
             "MuJoCo's loops are soft: accelerations differ by about 1e-4 of what the "
@@ -28,7 +35,11 @@ def tell_differences(sheet: Sheet) -> None:
             f"{', '.join(curved)}: gears with powers are exact at rest only: MuJoCo leaves out "
             "what the rates add to their second derivative"
         )
-    # What it makes of friction and limits.
+
+
+def tell_effects(sheet: Sheet) -> None:
+    """Note what MuJoCo makes of friction, limits, stops and contacts."""
+    say, effects = sheet.notes.say, [move.effects for move in sheet.moves.values()]
     if any(own.friction.coulomb for own in effects):
         say(
             "Coulomb friction is written as frictionloss, which holds still at rest instead "
@@ -49,7 +60,12 @@ def tell_differences(sheet: Sheet) -> None:
     stopped = [*effects, *(line for line in lines if isinstance(line, LoadedLength))]
     if any(own.stop for own in stopped):
         say("stops are left out: MuJoCo's limits follow another law, by solreflimit")
-    # What is closed, measured or joined otherwise.
+
+
+def tell_joints(sheet: Sheet) -> None:
+    """Note what is closed, measured or joined otherwise."""
+    # Joints that close loops.
+    say = sheet.notes.say
     if closing := dict.fromkeys(
         tie.name.removesuffix(".near").removesuffix(".far")
         for tie in sheet.plan.ties
@@ -59,12 +75,12 @@ def tell_differences(sheet: Sheet) -> None:
             f"{', '.join(closing)}: closes a loop by a connect, which has no coordinates; read "
             "back they count from home, and may count in the other direction"
         )
-    if "weld" in kinds:
-        parts = ", ".join(tie.name for tie in sheet.plan.ties if tie.kind == "weld")
+    if welded := [tie.name for tie in sheet.plan.ties if tie.kind == "weld"]:
         say(
-            f"{parts}: closes a loop by a joint that MuJoCo has in trees only; it leads to a "
-            "part of its body, welded to it"
+            f"{', '.join(welded)}: closes a loop by a joint that MuJoCo has in trees only; "
+            "it leads to a part of its body, welded to it"
         )
+    # Joints of the tree.
     balls = {
         move.name.removesuffix(".turn") for move in sheet.moves.values() if move.kind == "ball"
     }
@@ -82,7 +98,11 @@ def tell_differences(sheet: Sheet) -> None:
         say(f"joints.{name}: holds nothing that the rest of the model does not, and is left out")
     for name in sheet.plan.floating:
         say(f"{name}: is reached by rods only and gets a free joint in MuJoCo")
-    # What is not there.
+
+
+def tell_left_out(sheet: Sheet) -> None:
+    """Note bodies and shapes that are not there."""
+    say = sheet.notes.say
     gone = [body for body in sheet.mechanism.bodies if body not in sheet.plan.seats]
     if gone:
         say(
