@@ -161,9 +161,9 @@ def slack_gaps(joints: JointMap) -> dict[str, ca.SX]:
     """Return how far lengths are within the slack of springs along them, by the end's name."""
     found = {}
     for name, line in joints.mechanism.transmissions.items():
-        ends = slack_ends(name, line) if isinstance(line, LoadedLength) else {}
-        for end, (side, at) in ends.items():
-            found[end] = side * (at + line.spring.rest - joints.position(name))
+        if isinstance(line, LoadedLength):
+            for end, (side, at) in slack_ends(name, line).items():
+                found[end] = side * (at + line.spring.rest - joints.position(name))
     return found
 
 
