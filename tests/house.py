@@ -40,7 +40,15 @@ WINGS = {
     ),
     "large mechanisms": (
         *("articulated", "uncharted", "bound", "unit_directions", "unit_rows", "partitioned"),
-        *("abreast", "called", "fixed_results", "partitioned_slopes", "repeats", "tabled"),
+        *(
+            "abreast",
+            "by_sections",
+            "called",
+            "fixed_results",
+            "partitioned_slopes",
+            "repeats",
+            "tabled",
+        ),
         *("interpreter", "tape"),
     ),
     # How code becomes quick, and is kept.

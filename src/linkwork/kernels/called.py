@@ -41,13 +41,13 @@ def part_text(
     ]
 
 
-def call_text(name: str, part: Part, call: int) -> str:
-    """Return a call of a part."""
+def call_text(name: str, part: Part, call: int, pointers: str) -> str:
+    """Return a call of a part; pointers: to inputs, results, and values of other sections."""
     size = len(part.inputs[0]) + len(part.values[0]) + len(part.kept) + len(part.results)
     row = f"getelementptr inbounds (i32, ptr @{name}.rows, i64 {call * size})"
     first = call * len(part.numbers[0])
     numbers = f"getelementptr inbounds (double, ptr @{name}.numbers, i64 {first})"
-    return f"call void @{name}(ptr %in, ptr %out, ptr %kept, ptr %kept, ptr {row}, ptr {numbers})"
+    return f"call void @{name}({pointers}, ptr {row}, ptr {numbers})"
 
 
 def offsets(part: Part, call: int, plan: SectionPlan, size: int, abreast: int) -> list[int]:

@@ -14,12 +14,12 @@ from itertools import accumulate
 
 from linkwork.kernels import transposed
 from linkwork.kernels.body import SectionBody
+from linkwork.kernels.by_sections import cut
 from linkwork.kernels.emit import Kind, evaluation, library_texts, module_text, turn
-from linkwork.kernels.fused import fused
 from linkwork.kernels.lines import ConstantTable, Lines, function_text
 from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import Program
-from linkwork.kernels.sections import SectionPlan, planned
+from linkwork.kernels.sections import SectionPlan
 
 AHEAD = 4  # blocks from that which is evaluated to that which is fetched
 FETCHED = 8  # doubles that memory moves at a time; longer rows come in time by themselves
@@ -110,14 +110,14 @@ def _evaluated(
 ) -> tuple[list[str], list[str]]:
     """Append the evaluation of a program; return the definitions that this needs besides, and the
     names of the results. Sections that are functions read and write blocks in memory."""
-    program = fused(program, machine.has_fma)
-    plan = planned(program, 1)
+    whole = program
+    program, plan = cut(program, machine, 1)
     if plan.apart:
         for name, count in (("in", program.n_in), ("out", program.n_out)):
             lines.text.insert(1, f"%{name} = alloca [{count} x {lines.number}], align 64")
         for k, value in enumerate(inputs):
             lines.store(value, "%in", k)
-        parts = evaluation("dense", lines, program, machine, 1)
+        parts = evaluation("dense", lines, whole, machine, 1)
         return parts, [lines.load("%out", k) for k in range(program.n_out)]
     lines.text.insert(1, f"%kept = alloca [{max(plan.slots, 1)} x {lines.number}], align 64")
     body = RegisterBody(lines, program, plan, inputs)

@@ -9,11 +9,11 @@ for states side by side.
 
 All come from the same walk over the program's sections, for double and for <lanes x double>:
 straight-line code, but for the sines and cosines at the sections' ends (`angles`). The sections of
-a large program are functions of their own. Functions that are not inlined are calls of the C
-library, lane by lane. The first module takes its angles in vectors of 4 at most, since longer ones
-would slow down the single numbers around them. The second one holds `rows` as well, which uses
-`batch`; a fourth one holds these and `columns` (`unit_directions`), a fifth one a Jacobian row by
-row (`unit_rows`).
+a long program are functions of their own (`by_sections`). Functions that are not inlined are calls
+of the C library, lane by lane. The first module takes its angles in vectors of 4 at most, since
+longer ones would slow down the single numbers around them. The second one holds `rows` as well,
+which uses `batch`; a fourth one holds these and `columns` (`unit_directions`), a fifth one a
+Jacobian row by row (`unit_rows`).
 
 `wide` does one vector of states after the other, as `batch` does: the processor begins the next one
 while it waits for the last results of the one before. A loop that needs all results before it can
@@ -22,14 +22,13 @@ go on gains by that.
 
 from typing import Literal
 
-from linkwork.kernels import angles, called
+from linkwork.kernels import angles, by_sections
 from linkwork.kernels.body import LIBRARY, SectionBody
 from linkwork.kernels.fixed_results import fixed_text
-from linkwork.kernels.fused import fused
 from linkwork.kernels.lines import INOUT, ConstantTable, Lines, function_text
 from linkwork.kernels.machine import Machine
 from linkwork.kernels.program import Program
-from linkwork.kernels.sections import Section, SectionPlan, planned
+from linkwork.kernels.sections import Section, SectionPlan
 from linkwork.kernels.stored_states import rows_text
 from linkwork.kernels.unit_directions import columns_text
 from linkwork.kernels.unit_rows import ByRows, joining_text
@@ -101,6 +100,7 @@ def _vectors(program: Program, machine: Machine, kind: Kind, shared: int = 0) ->
     count, abreast, steps = (
         (ABREAST, ABREAST, (1, 1)) if wide else ("%blocks", 1, (program.n_in, program.n_out))
     )
+    # The loop over the blocks.
     lines = Lines(machine.lanes, ConstantTable.of(kind, machine))
     lines.do(f"%some = icmp sgt i64 {count}, 0")
     lines.do("br i1 %some, label %block, label %done")
@@ -108,12 +108,23 @@ def _vectors(program: Program, machine: Machine, kind: Kind, shared: int = 0) ->
     lines.do(f"%left = phi i64 [ {count}, %entry ], [ %left.next, %next ]")
     lines.do("%in = phi ptr [ %in.first, %entry ], [ %in.next, %next ]")
     lines.do("%out = phi ptr [ %out.first, %entry ], [ %out.next, %next ]")
-    parts = evaluation(kind, lines, program, machine, abreast, shared)
+    # Two blocks at a time where the sections are functions, else one.
+    program, plan = by_sections.cut(program, machine, 1, not shared)
+    if plan.apart:
+        width = lines.width
+        parts = by_sections.definitions(kind, width, program, plan, machine, abreast, shared)
+        here = by_sections.carry_out_pairs(kind, lines, plan, machine, steps)
+    else:
+        parts = _in_place(kind, lines, program, plan, machine, abreast, shared)
+        here = "1"
+    # On to the next ones.
     lines.do("br label %next")
     lines.label("next")
-    lines.do(f"%in.next = getelementptr inbounds {lines.number}, ptr %in, i64 {steps[0]}")
-    lines.do(f"%out.next = getelementptr inbounds {lines.number}, ptr %out, i64 {steps[1]}")
-    lines.do("%left.next = add nsw i64 %left, -1")
+    for place, step in zip(("in", "out"), steps, strict=True):
+        lines.do(f"%{place}.step = mul nsw i64 {here}, {step}")
+        own = f"{lines.number}, ptr %{place}, i64 %{place}.step"
+        lines.do(f"%{place}.next = getelementptr inbounds {own}")
+    lines.do(f"%left.next = sub nsw i64 %left, {here}")
     lines.do("%more = icmp ne i64 %left.next, 0")
     lines.do("br i1 %more, label %block, label %done")
     lines.label("done")
@@ -124,25 +135,38 @@ def _vectors(program: Program, machine: Machine, kind: Kind, shared: int = 0) ->
 
 
 def evaluation(
-    name: str, lines: Lines, program: Program, machine: Machine, abreast: int, shared: int = 0
+    name: str, lines: Lines, program: Program, machine: Machine, abreast: int
 ) -> list[str]:
     """Append the evaluation of a program, from %in to %out, to a function; return the definitions
     that this needs besides.
 
-    abreast: the vectors that lie side by side in %in and %out, of which the first is meant; shared:
-    inputs that are single numbers for all lanes.
+    abreast: the vectors that lie side by side in %in and %out, of which the first is meant.
     """
-    program = fused(program, machine.has_fma)
-    plan = planned(program, machine.lanes // lines.width, not shared)
-    if plan.slots or plan.apart:
-        slots = max(plan.slots, 1)
-        lines.text.insert(1, f"%kept = alloca [{slots} x {lines.number}], align 64")
+    program, plan = by_sections.cut(program, machine, machine.lanes // lines.width)
+    if not plan.apart:
+        return _in_place(name, lines, program, plan, machine, abreast)
+    by_sections.reserve(lines, plan)
+    here = by_sections.BlockPlaces("%in", "%out", "%kept")
+    by_sections.carry_out(name, lines, plan, machine, [here])
+    return by_sections.definitions(name, lines.width, program, plan, machine, abreast, 0)
+
+
+def _in_place(
+    name: str,
+    lines: Lines,
+    program: Program,
+    plan: SectionPlan,
+    machine: Machine,
+    abreast: int,
+    shared: int = 0,
+) -> list[str]:
+    """Append the code of a program's sections; return the definitions that this needs besides."""
+    if plan.slots:
+        by_sections.reserve(lines, plan)
     written = []
     if plan.fixed:
         written.append(fixed_text(f"{name}.fixed", plan.fixed, lines.width, machine, abreast))
         lines.do(f"call void @{name}.fixed(ptr %out)")
-    if plan.apart:
-        return written + _in_functions(name, lines, program, plan, machine, abreast, shared)
     wide = lines
     if lines.width == 1:
         wide = lines.of_width(machine.lanes, ConstantTable.of(f"{name}.angles", machine))
@@ -152,53 +176,6 @@ def evaluation(
         if section.vectors:
             turn(body, section, wide, machine)
     return written if wide is lines else [*written, wide.table_text()]
-
-
-def _in_functions(
-    name: str,
-    lines: Lines,
-    program: Program,
-    plan: SectionPlan,
-    machine: Machine,
-    abreast: int,
-    shared: int,
-) -> list[str]:
-    """Append the calls of the sections as functions, and return these."""
-    wide = lines.of_width(machine.lanes)
-    parts = [
-        text
-        for k, part in enumerate(plan.parts)
-        for text in called.part_text(f"{name}.part.{k}", part, plan, lines.width, machine, abreast)
-    ]
-    for k, section in enumerate(plan.sections):
-        if section.part is not None:
-            number, call = section.part
-            part = plan.parts[number]
-            lines.do(called.call_text(f"{name}.part.{number}", part, call))
-            continue
-        part = Lines(lines.width, ConstantTable.of(f"{name}.{k}", machine))
-        body = SectionBody(part, program, plan, "%source", "%target", abreast, shared)
-        body.add(section)
-        _keep_angles(body, section, machine)
-        part.do("ret void")
-        pointers = f"{INOUT.format('%in', '%out')}, {INOUT.format('%source', '%target')}"
-        head = f"internal void @{name}.{k}({pointers}) noinline {machine.attributes}"
-        parts += [part.table_text(), function_text(head, part.text)]
-        lines.do(f"call void @{name}.{k}(ptr %in, ptr %out, ptr %kept, ptr %kept)")
-        if section.vectors:
-            angles.by_call(wide, section.vectors, "%kept", section.first)
-    return parts
-
-
-def _keep_angles(body: SectionBody, section: Section, machine: Machine) -> None:
-    """Append the code that writes a section's angles to their slots, and zeros that fill up the
-    last vector."""
-    in_vector = machine.lanes // body.lines.width
-    for k in range(section.vectors * in_vector):
-        angle = (
-            body.number(section.angles[k]) if k < len(section.angles) else body.lines.constant(0.0)
-        )
-        body.lines.store(angle, body.target, section.first * in_vector + k)
 
 
 def turn(body: SectionBody, section: Section, wide: Lines, machine: Machine) -> None:

@@ -10,11 +10,12 @@ The sections of a small program are code of one function. Where there are many a
 functions between the calls that compute sines and cosines, and LLVM's time grows with the square of
 a function's length: the sections of a large program are cut further and are functions too, those
 that recur one for all (`repeats`). What later ones need is handed over in memory; a slot is used
-again by the sections after the last one that needs its value.
+again by the sections after the last one that needs its value. Code that is long, but not large, is
+cut into short sections for its speed (`by_sections`).
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from linkwork.kernels.fixed_results import fixed_results
@@ -76,14 +77,17 @@ class SectionPlan:
         return self.kept[k]
 
 
-def planned(program: Program, angles_in_vector: int, recurring: bool = True) -> SectionPlan:
+def planned(
+    program: Program, angles_in_vector: int, recurring: bool = True, short: int = 0
+) -> SectionPlan:
     """Cut a program into sections; a vector holds so many angles of one state.
 
     recurring: whether what recurs in a large program is a part
+    short: operations of a section of a program that stands depth first, and is cut without parts
     """
     # Results by place. A large program is cut further, into stretches.
     nodes = program.nodes
-    large = len(nodes) > LARGE
+    large = short > 0 or len(nodes) > LARGE
     places, fixed = defaultdict(list), fixed_results(program)
     for place, k in enumerate(program.results):
         if place not in fixed:
@@ -93,12 +97,14 @@ def planned(program: Program, angles_in_vector: int, recurring: bool = True) -> 
         computed = [k for k in positions if nodes[k].op not in FETCHED or k in places]
         if not large:
             return [Section(tuple(computed))]
-        if not recurring:
-            return [*map(Section, _stretches(computed, ranks))]
+        if short or not recurring:
+            return [*map(Section, _stretches(computed, ranks, short or STRETCH))]
         return list(_pieces(nodes, computed, places, ranks))
 
     # In a large program the operations of a stretch do not stand in their order yet.
-    order = by_stretches(range(len(nodes)), chain_lengths(nodes)) if large else []
+    order: Sequence[int] = range(len(nodes)) if large else ()
+    if large and not short:
+        order = by_stretches(order, chain_lengths(nodes))
     ranks = {k: rank for rank, k in enumerate(order)}
 
     # Angles whose sines are taken together end a section: all that they need comes before.
@@ -155,11 +161,11 @@ def _pieces(
     computed = [k for k in positions if nodes[k].op not in FETCHED]
     cut = repeats(nodes, computed, places)
     if len(cut) == 1:
-        yield from map(Section, _stretches(positions, ranks))
+        yield from map(Section, _stretches(positions, ranks, STRETCH))
         return
     for own, kind in cut:
         if kind is None:
-            yield from map(Section, _stretches(own, ranks))
+            yield from map(Section, _stretches(own, ranks, STRETCH))
         else:
             yield Section(own, part=(computed[0], kind))
     yield Section(tuple(k for k in positions if nodes[k].op in FETCHED))
@@ -217,15 +223,15 @@ def _needed(nodes: tuple[Operation, ...], roots: Iterable[int], done: set[int]) 
     return sorted(found)
 
 
-def _stretches(positions: Iterable[int], ranks: dict[int, int]) -> list[tuple[int, ...]]:
-    """Cut between stretches, so that a piece has as many whole ones as have STRETCH of the
+def _stretches(positions: Iterable[int], ranks: dict[int, int], most: int) -> list[tuple[int, ...]]:
+    """Cut between stretches, so that a piece has as many whole ones as have so many of the
     positions at most."""
     stretches = defaultdict(list)
     for k in sorted(positions, key=ranks.__getitem__):
-        stretches[ranks[k] // STRETCH].append(k)
+        stretches[ranks[k] // most].append(k)
     pieces: list[list[int]] = [[]]
     for stretch in stretches.values():
-        if len(pieces[-1]) + len(stretch) > STRETCH:
+        if len(pieces[-1]) + len(stretch) > most:
             pieces.append([])
         pieces[-1] += stretch
     return list(map(tuple, pieces))

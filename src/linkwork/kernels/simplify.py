@@ -52,6 +52,11 @@ def _ordered(program: Program) -> Program:
     order = depth_first(program, depths)
     if len(order) <= LARGE:
         order = by_stretches(order, depths)
+    return reordered(program, order)
+
+
+def reordered(program: Program, order: Sequence[int]) -> Program:
+    """Return a program whose nodes stand in another order, those alone that this has."""
     places = {k: place for place, k in enumerate(order)}
     nodes = [
         Operation(op, tuple([places[a] for a in args]), value)
