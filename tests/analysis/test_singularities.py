@@ -10,6 +10,7 @@ from linkwork.analysis.singularities import zeros
 
 from tests.analysis.mechanisms import arm, rpr, rrs
 from tests.catalogue import built
+from tests.robot import mixed_freedoms
 
 BASE, PROXIMAL, DISTAL = 0.3, 0.25, 0.35  # of the five-bar
 
@@ -187,6 +188,19 @@ def test_along_a_motion_crossings_and_distances_are_told():
         told.tool_distance[near], length * np.abs(angles[near]), rtol=2e-3, atol=1e-12
     )
     assert told.tool_distance.attrs["units"] == "m"
+
+
+@pytest.mark.parametrize("first", [0, 3])
+def test_ways_are_told_in_radians_where_all_coordinates_turn(first):
+    """A wrist has turns alone; a hinge on a Tripteron turns where others slide, in any order."""
+    robot = built("agile_wrist")
+    told = along(robot, robot.make_state(robot.home.q[None], np.zeros((1, 3))))
+    assert told.tool_distance.attrs["units"] == told.actuator_distance.attrs["units"] == "rad"
+    scara = lw.Robot(mixed_freedoms.scara())
+    order = np.roll(scara.actuators, first)
+    scara = lw.Robot(scara.mechanism.model_copy(update={"actuators": tuple(map(str, order))}))
+    told = along(scara, scara.make_state(scara.home.q[None], np.zeros((1, 4))))
+    assert told.tool_distance.attrs["units"] == told.actuator_distance.attrs["units"] == "m"
 
 
 def test_a_zero_that_falls_on_a_sample_is_found_too():

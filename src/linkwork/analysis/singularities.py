@@ -39,7 +39,7 @@ from linkwork.checks import needed
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
-from linkwork.mechanism.task import labels
+from linkwork.mechanism.task import is_length, labels
 from linkwork.model import checks, dexterity
 from linkwork.model.asked import ToolAsked, task_rows
 from linkwork.model.labels import POSE_ANGLES, POSES
@@ -253,15 +253,21 @@ def along(
     Returns:
         A dataset over time (or over `sample`): det_A and det_B over their values at the reference,
             conditioning,
-        tool_distance [m] to an actuator-singular and actuator_distance [m, rad] to a leg-singular
-        configuration, to first order. `crossings` and `leg_crossings` are the times at which det A
-        and det B are zero or change sign.
+        tool_distance [m] to an actuator-singular and actuator_distance [m] to a leg-singular
+        configuration, to first order, in rad where all of these coordinates turn.
+        `crossings` and `leg_crossings` are the times at which det A and det B are zero or change
+        sign.
     """
     import xarray
 
     made, (axis, values, q) = jacobians(robot, what), samples(robot, motion)
     found = distances(made, q, length)
-    units = {"tool_distance": "m", "actuator_distance": made.robot.unit(made.direct.what[0])}
+    turns = length is None and not any(map(is_length, made.task))
+    slides = any(made.robot.unit(name) == "m" for name in made.direct.what)
+    units = {
+        "tool_distance": "rad" if turns else "m",
+        "actuator_distance": "m" if slides else "rad",
+    }
     variables = {
         name: ((axis,), part, {"units": units.get(name, "1")}) for name, part in found.items()
     }

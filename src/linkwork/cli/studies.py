@@ -174,7 +174,7 @@ def singularities(
             ("free motion", ", ".join(f"{label} {value:.4g}" for label, value in told.tool.items()))
         )
     elif near is not None:
-        unit = near.actuator_distance.attrs["units"]
+        out, into = (near[name].attrs["units"] for name in ("tool_distance", "actuator_distance"))
         rows += [
             (
                 "det A, det B",
@@ -187,8 +187,8 @@ def singularities(
                     f"{near.attrs['characteristic_length']:.4g} m"
                 ),
             ),
-            ("way to kind II", way(near, "tool_distance", "m of the tool")),
-            ("way to kind I", way(near, "actuator_distance", f"{unit} of the actuators")),
+            ("way to kind II", way(near, "tool_distance", f"{out} of the tool")),
+            ("way to kind I", way(near, "actuator_distance", f"{into} of the actuators")),
         ]
     console().print(facts(rows))
 
