@@ -214,10 +214,6 @@ RUN = ("simulate", "prr3", "--duration", 0.1)
         (("dynamics", "prr3", "--forces", "1,2,3", "--accelerations", "1,2,3"), "both given"),
         (("inverse", "prr3"), "use 'linkwork dynamics'"),
         (
-            ("follow", "prr3", "--path", "none.csv", "--duration", 3),
-            "--path none.csv has times of its own; leave --duration out",
-        ),
-        (
             ("follow", "prr3", "--path", CIRCLE, "--out", "a.csv", "--forces-out", "./a.csv"),
             "--out and --forces-out are both a.csv; name two files",
         ),
@@ -230,3 +226,11 @@ RUN = ("simulate", "prr3", "--duration", 0.1)
 )  # fmt: skip
 def test_what_cannot_be_done_is_refused(words, sentence):
     assert sentence in refused(*words)
+
+
+def test_a_table_has_times_of_its_own(tmp_path):
+    words = ("follow", "prr3", "--duration", 3, "--path")
+    table = tmp_path / "motion.csv"
+    table.touch()
+    assert "has times of its own; leave --duration out" in refused(*words, table)
+    assert "cannot be read as a table: no such file" in refused(*words, tmp_path / "none.csv")

@@ -74,7 +74,7 @@ def follow(
     if samples < 2:
         raise LinkworkError(f"--samples {samples}: give at least 2")
     if tabled(path) and not Path(path).exists():
-        raise LinkworkError(f"--path {path}: there is no such file")
+        raise LinkworkError(f"--path {path} cannot be read as a table: no such file")
     if tabled(path) and duration is not None:
         raise LinkworkError(f"--path {path} has times of its own; leave --duration out")
     with patience("deriving the equations of motion"):
