@@ -338,8 +338,9 @@ def test_an_integral_up_to_an_event():
         assert found[name] == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_running_loss_that_jumps():
-    robot, u, m = lw.Robot(CART), 3.0, 2.0
+@pytest.mark.parametrize("u", [3.0, 2.7])  # the event's place is rounded to either side
+def test_a_running_loss_that_jumps(u):
+    robot, m = lw.Robot(CART), 2.0
 
     def paid(t, state):
         return math.where(state["rail"] < 0.5, 2.0, 5.0)
