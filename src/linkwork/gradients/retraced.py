@@ -45,7 +45,7 @@ from linkwork.simulation.tableaus import StepPlan
 CLOSE = 2.0**-38  # how near to an event a step ends at it, relative to the time and to the step
 ASIDE = 1e-9  # how far from an event both sides of it are looked at, likewise
 SMOOTH = 1e-6  # jump of y' at an event that is none, relative to it
-OFF_JUMPS = 1e-11  # how far off a jump steps end and begin, relative to them
+OFF_JUMPS = 1e-11  # how far off a jump steps end and begin, relative to the step behind
 OFF_KINKS, STIFFLY_OFF = 1e-7, 1e-5
 """How far off a kink the slopes of a step are taken, relative to the step, and those of a stiff
 one, whose slopes are differentiated, too: kinks are rounded off within rounding."""
@@ -309,7 +309,7 @@ class OfSegment:
         rows = t.searchsorted(times)
         ends = t[rows] == times
         between = ~ends
-        t, y = self.beside_kinks(a, b)
+        t, y = self.beside_breaks(a, b)
         plan, apart = plans_of(self.segment.method)
         kernels = self.whole.acting, self.chart, self.whole.cost
         return Steps(
@@ -342,24 +342,23 @@ class OfSegment:
         jumping |= set(np.flatnonzero(np.isin(self.t, self.system.inputs.knots)).tolist())
         return self.cuts.keys() - jumping
 
-    def beside_kinks(self, a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return times and states of the rows from a to b, so that slopes are those of the own
-        side of kinks and jumps: steps end before one, and begin in a state behind it."""
-        t, y = self.t[a : b + 1].copy(), self.y[a : b + 1].copy()
+    @cached_property
+    def off(self) -> dict[int, float]:
+        """How far off kinks and jumps steps end and begin, relative to the step behind, by row."""
         off = STIFFLY_OFF if self.stiff else OFF_KINKS
-        if a in self.kinks:
-            y[0] += off * (t[1] - t[0]) * self.slope(y[0], self.state(a, self.held[a]).u[0])[:-1]
+        return dict.fromkeys(self.kinks, off) | dict.fromkeys(self.jumps, OFF_JUMPS)
+
+    def beside_breaks(self, a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return times and states of the rows from a to b, so that slopes are those of the own
+        side of kinks and jumps: steps end before one, and begin there in a state behind it."""
+        t, y, off = self.t[a : b + 1].copy(), self.y[a : b + 1].copy(), self.off
+        if a in off:
+            slope = self.slope(y[0], self.state(a, self.held[a]).u[0])[:-1]
+            y[0] += off[a] * (t[1] - t[0]) * slope
         for place, row in ((0, a), (-1, b)):
-            if row in self.kinks:
+            if row in off:
                 before, behind = np.diff(self.t[row - 1 : row + 2])
-                t[place] -= min(off * behind, before / 2)
-        # Where what acts jumps, the step before ends, and the one behind begins, off the jump.
-        if a in self.jumps:
-            aside = OFF_JUMPS * (t[1] - t[0])
-            y[0] += aside * self.slope(y[0], self.state(a, self.held[a]).u[0])[:-1]
-            t[0] += aside
-        if b in self.jumps:
-            t[-1] -= OFF_JUMPS * (t[-1] - t[-2])
+                t[place] -= min(off[row] * behind, before / 2)
         return t, y
 
     @cached_property
