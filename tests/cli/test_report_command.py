@@ -51,6 +51,11 @@ def test_a_run_that_does_not_hold_its_mechanism_is_looked_up_or_told(saved, tmp_
         (("run.nc", "--out", "r.pdf"), "--out r.pdf: a report is written as .html, not '.pdf'"),
         (("run.nc", "--out", "no/r.html"), "--out no/r.html: there is no folder 'no'"),
         (("run.nc", "--out", "r.html", "--robot", "stewart"), "the run is not one of the robot"),
+        (("run.nc", "--out", "r.html", "--floating"), "--floating says how the robot of --robot"),
+        (("run.nc", "--out", "r.html", "--package-path", "."), "--package-path says how the"),
+        (("run.nc", "--out", "r.html", "--no-merging"), "--no-merging says how the robot of"),
+        (("run.nc", "--out", "r.html", "--include-root", "."), "--include-root says how the"),
+        (("run.nc", "--out", "r.html", "--reference", "hinge=1"), "--reference says where the"),
         (("run.nc", "--out", "/proc/r.html"), "'/proc/r.html' cannot be written"),
     ],
 )

@@ -8,17 +8,16 @@ import typer
 
 from linkwork.cli.group import Subcommands
 from linkwork.cli.options import (
-    Floating,
+    PLAIN,
     Forces,
-    IncludeRoot,
     Joints,
     Json,
-    Merging,
-    PackagePath,
-    Reference,
+    Overwrite,
+    ReadingOptions,
     RobotName,
     ToolPose,
     What,
+    sharing,
 )
 from linkwork.cli.source import Source
 
@@ -28,20 +27,15 @@ analyse = typer.Typer(
     help="Study a robot: branches, singularities, workspace, small motions, statics.",
 )
 
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
-
 
 @analyse.callback()
+@sharing
 def robot(
     context: typer.Context,
     robot: RobotName,
-    reference: Reference = None,
-    floating: Floating = False,
-    packages: PackagePath = None,
-    merging: Merging = True,
-    includes: IncludeRoot = None,
+    reading: ReadingOptions = PLAIN,
 ) -> None:
-    context.obj = Source(robot, reference, floating, packages, merging, includes)
+    context.obj = Source(robot, reading)
 
 
 @analyse.command()

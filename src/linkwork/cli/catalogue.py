@@ -35,7 +35,7 @@ def built(source: Source) -> Robot:
 
 def about(mechanism: Mechanism, source: Source) -> Mechanism:
     """Return the mechanism with the joint coordinates that are asked for in its reference."""
-    given = source.reference
+    given = source.how.reference
     if given is None:
         return mechanism
     if "=" not in given and Path(given).suffix.lower() in SUFFIXES:

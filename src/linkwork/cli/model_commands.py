@@ -6,16 +6,7 @@ from typing import Annotated
 
 import typer
 
-from linkwork.cli.options import (
-    Floating,
-    IncludeRoot,
-    Json,
-    Merging,
-    Overwrite,
-    PackagePath,
-    Reference,
-    RobotName,
-)
+from linkwork.cli.options import PLAIN, Json, Overwrite, ReadingOptions, RobotName, sharing
 from linkwork.cli.source import Source
 
 
@@ -55,20 +46,17 @@ class Sines(StrEnum):
     libm = "libm"
 
 
+@sharing
 def info(
     robot: RobotName,
-    reference: Reference = None,
-    floating: Floating = False,
-    packages: PackagePath = None,
-    merging: Merging = True,
-    includes: IncludeRoot = None,
+    reading: ReadingOptions = PLAIN,
     json: Json = False,
 ) -> None:
     """Show a robot: mobility, joints, loops, redundant rows, limits, springs, sizes of the compiled
     functions."""
     from linkwork.cli.info import show
 
-    show(Source(robot, reference, floating, packages, merging, includes), json)
+    show(Source(robot, reading), json)
 
 
 def robots(json: Json = False) -> None:
@@ -78,6 +66,7 @@ def robots(json: Json = False) -> None:
     show(json)
 
 
+@sharing
 def export(
     robot: RobotName,
     file: Annotated[
@@ -143,11 +132,7 @@ def export(
     symbols: Annotated[
         SymbolsOf, typer.Option(help="Equations: symbols of free numbers, or of all.")
     ] = SymbolsOf.free,
-    reference: Reference = None,
-    floating: Floating = False,
-    packages: PackagePath = None,
-    merging: Merging = True,
-    includes: IncludeRoot = None,
+    reading: ReadingOptions = PLAIN,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -156,13 +141,14 @@ def export(
     closed form (--to latex, --to sympy)."""
     from linkwork.cli.exported import Export, export
 
-    source = Source(robot, reference, floating, packages, merging, includes)
+    source = Source(robot, reading)
     chosen = {"out": out, "functions": functions, "precision": precision.value, "free": free}
     chosen |= {"sines": sines.value, "name": name, "misra": misra, "symbols": symbols.value}
     chosen |= {"fmi": fmi.value, "outputs": outputs, "platforms": platforms, "drives": drives}
     export(to.value, Export(source, file, chosen, overwrite, json))
 
 
+@sharing
 def convert(
     source: Annotated[
         str,
@@ -175,11 +161,7 @@ def convert(
         Path,
         typer.Argument(metavar="B", help="The file to write: .yaml, .xml or .mjcf, .urdf, .sdf."),
     ],
-    reference: Reference = None,
-    floating: Floating = False,
-    packages: PackagePath = None,
-    merging: Merging = True,
-    includes: IncludeRoot = None,
+    reading: ReadingOptions = PLAIN,
     loops: Annotated[
         LoopPlace,
         typer.Option(help="URDF: loops inside it, or beside it in a .yaml as LAAS has them."),
@@ -194,5 +176,5 @@ def convert(
     """
     from linkwork.cli.convert import convert
 
-    given = Source(source, reference, floating, packages, merging, includes)
+    given = Source(source, reading)
     convert(given, target, loops.value, overwrite, json)

@@ -7,16 +7,14 @@ from typing import Annotated
 import typer
 
 from linkwork.cli.options import (
-    Floating,
+    PLAIN,
     Forces,
-    IncludeRoot,
     Json,
-    Merging,
     Overwrite,
-    PackagePath,
-    Reference,
+    ReadingOptions,
     RobotName,
     What,
+    sharing,
 )
 from linkwork.cli.source import Source
 
@@ -43,6 +41,7 @@ class OnSingular(StrEnum):
     step_over = "step_over"
 
 
+@sharing
 def simulate(
     robot: RobotName,
     duration: Annotated[float, typer.Option(metavar="T", help="Length of the run, s.")],
@@ -150,11 +149,7 @@ def simulate(
         OnSingular,
         typer.Option(help="At a bifurcation: stop, or step over to the smooth continuation."),
     ] = OnSingular.stop,
-    reference: Reference = None,
-    floating: Floating = False,
-    packages: PackagePath = None,
-    merging: Merging = True,
-    includes: IncludeRoot = None,
+    reading: ReadingOptions = PLAIN,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the run to a .nc or .csv file.")
     ] = None,
@@ -177,11 +172,12 @@ def simulate(
     options = {"rtol": rtol, "atol": atol, "on_singular": on_singular.value}
     options |= {"method": method and method.value, "step": step}
     how = command.settings(duration, samples, **options)
-    source = Source(robot, reference, floating, packages, merging, includes)
+    source = Source(robot, reading)
     if status := command.simulate(source, start, load, lead, how, target, json):
         raise typer.Exit(status)
 
 
+@sharing
 def follow(
     robot: RobotName,
     path: Annotated[
@@ -208,11 +204,7 @@ def follow(
         typer.Option(metavar="VALUES", help="Look near 'slide_1=0.2,...': they choose the branch."),
     ] = None,
     what: What = None,
-    reference: Reference = None,
-    floating: Floating = False,
-    packages: PackagePath = None,
-    merging: Merging = True,
-    includes: IncludeRoot = None,
+    reading: ReadingOptions = PLAIN,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE.csv", help="Write the motion of all joints, and the forces."),
@@ -233,10 +225,11 @@ def follow(
     from linkwork.cli.start import StartOptions
 
     start, files = StartOptions(tool, joints, None), Files(out, forces_out, overwrite)
-    source = Source(robot, reference, floating, packages, merging, includes)
+    source = Source(robot, reading)
     follow(source, path, duration, samples, start, names(what), files, json)
 
 
+@sharing
 def dynamics(
     robot: RobotName,
     tool: Annotated[
@@ -262,11 +255,7 @@ def dynamics(
         ),
     ] = None,
     forces: Forces = None,
-    reference: Reference = None,
-    floating: Floating = False,
-    packages: PackagePath = None,
-    merging: Merging = True,
-    includes: IncludeRoot = None,
+    reading: ReadingOptions = PLAIN,
     json: Json = False,
 ) -> None:
     """Show the equations of motion at one state: M, C v, G, f, and accelerations under --forces
@@ -274,5 +263,5 @@ def dynamics(
     from linkwork.cli.dynamics import dynamics
     from linkwork.cli.start import StartOptions
 
-    source = Source(robot, reference, floating, packages, merging, includes)
+    source = Source(robot, reading)
     dynamics(source, StartOptions(tool, joints, rates), accelerations, forces, json)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
@@ -129,4 +133,39 @@ PackagePath = Annotated[
         help="Where package:// and model:// are looked for, as in ROS_PACKAGE_PATH.",
     ),
 ]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a file that exists.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """Say how a robot's file is read: the options of all commands that read one."""
+
+    reference: Reference = None
+    floating: Floating = False
+    packages: PackagePath = None
+    merging: Merging = True
+    includes: IncludeRoot = None
+
+
+PLAIN = ReadingOptions()
+_SHARED = inspect.signature(ReadingOptions)
+
+
+def sharing(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command that has the options of `ReadingOptions`, one by one, in the place of its
+    parameter `reading`."""
+
+    @wraps(command)
+    def given(**values: Any) -> None:
+        shared = {name: values.pop(name) for name in _SHARED.parameters}
+        command(**values, reading=ReadingOptions(**shared))
+
+    types = get_type_hints(command, include_extras=True)
+    types |= get_type_hints(ReadingOptions, include_extras=True)
+    parts = []
+    for name, parameter in inspect.signature(command).parameters.items():
+        found = _SHARED.parameters.values() if name == "reading" else [parameter]
+        parts += [part.replace(annotation=types[part.name]) for part in found]
+    given.__signature__ = inspect.Signature(parts)  # pyright: ignore[reportAttributeAccessIssue]
+    given.__annotations__ = types
+    return given

@@ -6,15 +6,13 @@ from typing import Annotated
 import typer
 
 from linkwork.cli.options import (
-    Floating,
-    IncludeRoot,
+    PLAIN,
     Json,
-    Merging,
     Over,
     Overwrite,
-    PackagePath,
-    Reference,
+    ReadingOptions,
     runs_like,
+    sharing,
     shown_like,
 )
 from linkwork.cli.source import Source
@@ -36,6 +34,7 @@ def reproduce(
     reproduce(out, json)
 
 
+@sharing
 def report(
     run: Annotated[
         str,
@@ -52,11 +51,7 @@ def report(
             "--robot", metavar="ROBOT", help="Whose the run is, if it does not hold its mechanism."
         ),
     ] = None,
-    reference: Reference = None,
-    floating: Floating = False,
-    packages: PackagePath = None,
-    merging: Merging = True,
-    includes: IncludeRoot = None,
+    reading: ReadingOptions = PLAIN,
     over: Over = None,
     overwrite: Overwrite = False,
     json: Json = False,
@@ -65,14 +60,7 @@ def report(
     needs no network."""
     from linkwork.cli.report import report
 
-    report(
-        run,
-        out,
-        over,
-        Source(of or "", reference, floating, packages, merging, includes),
-        overwrite,
-        json,
-    )
+    report(run, out, over, Source(of or "", reading), overwrite, json)
 
 
 def sweep(
@@ -108,6 +96,7 @@ def sweep(
         raise typer.Exit(1)
 
 
+@sharing
 def view(
     robot: Annotated[
         str,
@@ -121,11 +110,7 @@ def view(
         str | None, typer.Option("--robot", metavar="ROBOT", help="Whose a run is.")
     ] = None,
     over: Over = None,
-    reference: Reference = None,
-    floating: Floating = False,
-    packages: PackagePath = None,
-    merging: Merging = True,
-    includes: IncludeRoot = None,
+    reading: ReadingOptions = PLAIN,
     host: Annotated[
         str, typer.Option(help="Address to listen on; the default serves this computer alone.")
     ] = "127.0.0.1",
@@ -139,12 +124,4 @@ def view(
     """Show a robot in the browser: drag its tool, set its joints, play runs, start new ones."""
     from linkwork.cli.view import view
 
-    view(
-        Source(robot, reference, floating, packages, merging, includes),
-        of,
-        over,
-        host,
-        port,
-        browser,
-        json,
-    )
+    view(Source(robot, reading), of, over, host, port, browser, json)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from linkwork import robots
 from linkwork.cli.catalogue import find
+from linkwork.cli.options import PLAIN
 from linkwork.cli.source import Source
 from linkwork.errors import LinkworkError
 from linkwork.formats.models import warn
@@ -14,6 +15,12 @@ from linkwork.robot import Robot
 from linkwork.simulation import Run
 
 SUFFIX = ".nc"
+HOW = {  # options of how a file is read, by their names in `ReadingOptions`
+    "floating": "--floating",
+    "packages": "--package-path",
+    "merging": "--no-merging",
+    "includes": "--include-root",
+}
 
 
 def read(file: str) -> Run:
@@ -31,12 +38,13 @@ def robot_of(run: Run, file: str, of: Source) -> Robot:
     """
     if of.name:
         return Robot(find(of))
-    if of.floating:
-        raise LinkworkError(
-            "--floating says how the robot of --robot is read; without that a run's own robot is "
-            "taken"
-        )
-    if of.reference is not None:
+    for name, option in HOW.items():
+        if getattr(of.how, name) != getattr(PLAIN, name):
+            raise LinkworkError(
+                f"{option} says how the robot of --robot is read; without that a run's own robot "
+                "is taken"
+            )
+    if of.how.reference is not None:
         raise LinkworkError(
             "--reference says where the loops of the robot of --robot are closed from; without "
             "that a run's own robot is taken"
