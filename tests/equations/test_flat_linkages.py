@@ -2,16 +2,12 @@
 given."""
 
 import itertools
-import json
-import os
 
 import numpy as np
 import pytest
 
 import linkwork as lw
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, RevoluteJoint
-
-from tests.processes import finished
 
 LINK = Body(mass=1.0, inertia=Inertia(zz=0.1))
 
@@ -86,23 +82,6 @@ def test_any_order_of_the_joints_will_do(order):
     robot = lw.Robot(linkage([0.5, 1.0, 0.5], 1.0, order))
     assert robot.mobility == 1
     assert np.isfinite(robot.forward_dynamics(robot.home, [1.0])).all()
-
-
-HOME = """
-import json, linkwork as lw
-from tests.equations.test_flat_linkages import FLAT
-found = [lw.Robot(mechanism) for mechanism in FLAT.values()]
-print(json.dumps([[robot.home.q.tolist(), str(robot.equations.chart)] for robot in found]))
-"""
-
-
-def test_home_and_chart_are_the_same_in_every_process():
-    found = []
-    for seed in ("0", "1", "77"):
-        done = finished("-c", HOME, env={**os.environ, "PYTHONHASHSEED": seed})
-        assert done.returncode == 0, done.stderr
-        found.append(json.loads(done.stdout))
-    assert found[0] == found[1] == found[2]
 
 
 def test_a_linkage_that_cannot_close_is_still_refused():

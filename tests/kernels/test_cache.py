@@ -1,5 +1,4 @@
-"""The cache: found, missed, damaged, not writable; and the same code from the same function in
-every process."""
+"""The cache: found, missed, damaged, not writable."""
 
 import os
 import time
@@ -18,7 +17,6 @@ from linkwork.kernels.cache import key
 from linkwork.kernels.machine import Machine, this_machine
 
 from tests.kernels.graphs import random_function
-from tests.processes import finished
 
 
 @pytest.fixture
@@ -216,32 +214,3 @@ def test_another_version_of_the_compiler_or_of_this_package_is_another_entry(
     assert not kernel.from_cache
     assert_right(kernel)
     assert entries(folder) == 2
-
-
-DIGEST = """
-import hashlib
-from linkwork.kernels import cache
-from linkwork.kernels.emit import FUNCTIONS, module_text
-from linkwork.kernels.machine import this_machine
-from linkwork.kernels.program import trace
-from linkwork.kernels.simplify import simplify
-from tests.kernels.graphs import random_function
-for f in (random_function(1), random_function(1, 5000)):
-    for kind in FUNCTIONS:
-        text = module_text(simplify(trace(f)), this_machine(), kind)
-        print(hashlib.sha256(text.encode()).hexdigest())
-print(cache.key(f.serialize(), this_machine().identity))
-from linkwork.equations import derive, functions
-from tests.robot.test_bearings import arm_of
-derived = functions.motion(derive(arm_of().mechanism))
-print(hashlib.sha256(derived.serialize().encode()).hexdigest())
-"""
-
-
-def test_every_process_writes_the_same_code_under_the_same_key():
-    found = set()
-    for seed in ("1", "2"):
-        given = {"cwd": Path(__file__).parents[2], "env": os.environ | {"PYTHONHASHSEED": seed}}
-        run = finished("-c", DIGEST, check=True, **given)
-        found.add(run.stdout)
-    assert len(found) == 1
