@@ -9,7 +9,7 @@ import pytest
 import linkwork as lw
 from linkwork import analysis
 from linkwork.notebooks import Portrayed
-from linkwork.robot import Motion
+from linkwork.robot import Motion, State
 
 from tests.catalogue import built
 
@@ -70,6 +70,41 @@ THINGS = {
 }  # fmt: skip
 
 
+PLAIN = {
+    "forces": lambda: lw.Sampled(np.linspace(0, 2, 501), np.zeros((501, 3))),
+    "signal": lambda: lw.Sampled(np.linspace(0, 2, 501), np.zeros((501, 3))).signal,
+    "base": lambda: analysis.base_parameters(built("prr3")),
+    "measured": lambda: analysis.Measured(
+        of_path().state, np.zeros((51, 3)), np.zeros((51, 3))
+    ),
+    "poses": lambda: analysis.MeasuredPoses(of_path().state, np.zeros((51, 3))),
+    "excitation": lambda: analysis.Excitation(("slide_1",), 2.0, np.zeros((11, 1)), 3.5),
+    "state": lambda: built("stewart").home,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_all_results_are_told_in_a_screen(name):
+    screen(PLAIN[name]())
+
+
+def test_states_of_large_robots_are_told_in_a_screen():
+    names = tuple(f"a_long_name_of_joint_{i}" for i in range(70))
+    one = State(np.full(70, -1.23456789e-5), np.full(70, 0.1), np.zeros(70), names, names)
+    screen(one)
+    assert "a_long_name_of_joint_23=-1.23457e-05, ... (70); rates" in repr(one)
+    stack = State(np.zeros((5, 70)), np.zeros((5, 70)), np.zeros((5, 70)), names, names)
+    screen(stack)
+    screen(analysis.Measured(stack, np.zeros((5, 70)), np.zeros((5, 70))))
+
+
+def screen(shown):
+    """Hold that an object is told in a screen of a terminal, with its kind."""
+    lines = [len(line) for line in repr(shown).splitlines()]
+    assert sum(-(-length // WIDTH) for length in lines) <= LINES
+    assert repr(shown).startswith(type(shown).__name__)
+
+
 @pytest.fixture(params=THINGS, scope="module")
 def thing(request):
     make, word = THINGS[request.param]
@@ -87,10 +122,7 @@ def test_a_notebook_shows_a_picture_and_the_facts(thing):
 
 
 def test_a_terminal_shows_a_screen_at_most(thing):
-    shown, _, _ = thing
-    lines = [len(line) for line in repr(shown).splitlines()]
-    assert sum(-(-length // WIDTH) for length in lines) <= LINES
-    assert type(shown).__name__ in repr(shown)
+    screen(thing[0])
 
 
 def test_all_that_is_shown_in_notebooks_is_tried_here():

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linkwork.checks import needed
+from linkwork.checks import amount, needed
 from linkwork.equations import regressor
 from linkwork.equations.reference import unit
 from linkwork.errors import LinkworkError
@@ -34,6 +34,7 @@ NEGLIGIBLE = 1e-9
 ROUNDING = 1e-6  # coefficients of columns of length 1 that are taken for zero
 SPREAD = 0.3
 ROUNDS = 30
+SHOWN, WIDE = 12, 76  # lines, and characters of a line, in a repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +108,13 @@ class Base:
     columns: np.ndarray
     combination: np.ndarray
     names: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        pairs = zip(self.described, self.names, strict=True)
+        lines = [f"{value:.6g}  {name}" for value, name in pairs]
+        rest = [f"... and {len(lines) - SHOWN} more"] if len(lines) > SHOWN else []
+        head = f"Base({amount(len(lines), 'base parameter')}, as described)"
+        return "\n  ".join([head, *(line[:WIDE] for line in lines[:SHOWN]), *rest])
 
     def __len__(self) -> int:
         return len(self.names)

@@ -23,7 +23,7 @@ from linkwork.analysis._workspace import positive
 from linkwork.analysis.identification import fourier, tracked
 from linkwork.analysis.newton import Solver, solver
 from linkwork.analysis.square import of_joints
-from linkwork.checks import needed
+from linkwork.checks import amount, needed
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.linear import own_rates
@@ -48,6 +48,11 @@ class Excitation:
     period: float
     coefficients: np.ndarray
     condition: float
+
+    def __repr__(self) -> str:
+        harmonics = amount((len(self.coefficients) - 1) // 2, "harmonic")
+        told = f"{harmonics} in {self.period:.6g} s, condition {self.condition:.4g}"
+        return f"Excitation({told}, actuators: {', '.join(self.actuators)})"
 
     def sample(self, time: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return positions, rates and accelerations of the actuators (N, n) at times (N) [s]."""

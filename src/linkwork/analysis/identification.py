@@ -47,6 +47,9 @@ class Measured:
     accelerations: np.ndarray
     forces: np.ndarray
 
+    def __repr__(self) -> str:
+        return f"Measured({self.states}, with accelerations and forces)"
+
 
 @dataclass(frozen=True, eq=False)
 class Identification(Portrayed):

@@ -57,6 +57,10 @@ class MeasuredPoses:
     rotation: float | None = None
     encoders: float | Mapping[str, float] | None = None
 
+    def __repr__(self) -> str:
+        told = ", ".join(("tool",) * (self.tool is not None) + (*self.joints,))
+        return f"MeasuredPoses({self.states}; measured: {told or 'nothing'})"
+
     @property
     def weighed(self) -> bool:
         """Whether all noise that matters is stated."""

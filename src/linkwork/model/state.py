@@ -3,7 +3,7 @@ dimensions."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from linkwork.notebooks import Portrayed
 from linkwork.readonly import ReadOnlyArrays
 from linkwork.simulation.variables import LazyAttribute
 
-SHOWN = 6  # names in a repr
+SHOWN, POSITIONS, RATES = 6, 24, 12  # names, numbers of one state in a repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +105,13 @@ class State(ReadOnlyArrays):
 
     def __repr__(self) -> str:
         if self.batch:
-            return f"State(stack of shape {self.batch}, coordinates: {', '.join(self.coordinates)})"
-        positions = ", ".join(
-            f"{name}={value:.6g}"
-            for name, value in zip(self.coordinates, self.positions, strict=True)
-        )
-        rates = ", ".join(
-            f"{name}={value:.6g}" for name, value in zip(self.independent, self.rates, strict=True)
+            return f"State(stack of shape {self.batch}, coordinates: {_some(self.coordinates)})"
+        positions, rates = (
+            _some([f"{name}={value:.6g}" for name, value in zip(names, values, strict=True)], most)
+            for names, values, most in (
+                (self.coordinates, self.positions, POSITIONS),
+                (self.independent, self.rates, RATES),
+            )
         )
         return f"State({positions}; rates: {rates})"
 
@@ -151,8 +151,7 @@ class Motion(ReadOnlyArrays, Portrayed):
     forces: np.ndarray | None = None
 
     def __repr__(self) -> str:
-        count, names = len(self.time), self.state.coordinates
-        joints = ", ".join(names[:SHOWN]) + f", ... ({len(names)})" * (len(names) > SHOWN)
+        count, joints = len(self.time), _some(self.state.coordinates)
         span = f" from {self.time[0]:.6g} to {self.time[-1]:.6g} s" if count else ""
         return f"Motion({amount(count, 'sample')}{span}, joints: {joints})"
 
@@ -165,3 +164,8 @@ class Motion(ReadOnlyArrays, Portrayed):
     def rates(self) -> np.ndarray:
         """Return the independent rates (K, n) [m/s, rad/s]."""
         return self.state.rates
+
+
+def _some(texts: Sequence[str], most: int = SHOWN) -> str:
+    """Return texts in a row, of more than `most` the first ones and how many there are."""
+    return ", ".join(texts[:most]) + f", ... ({len(texts)})" * (len(texts) > most)

@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import reals
+from linkwork.checks import amount, reals
 from linkwork.errors import LinkworkError
 from linkwork.readonly import ReadOnlyArrays
 
@@ -63,6 +63,11 @@ class Sampled(ReadOnlyArrays):
         object.__setattr__(self, "values", values.reshape(len(times), -1))
         super().__post_init__()
 
+    def __repr__(self) -> str:
+        count, width = self.values.shape
+        span = f"{count:,} times from {self.times[0]:.6g} to {self.times[-1]:.6g} s"
+        return f"Sampled({span}, {amount(width, 'value')} at each, kind={self.kind!r})"
+
     def __array__(self, dtype=None, copy=None) -> np.ndarray:
         """Return the samples (N, nu), so that NumPy's functions take the signal as they would its
         values."""
@@ -93,6 +98,12 @@ class Signal(ReadOnlyArrays):
     knots: np.ndarray
     coefficients: np.ndarray
     breaks: np.ndarray
+
+    def __repr__(self) -> str:
+        pieces, _, width = self.coefficients.shape
+        first, last = self.span
+        span = f"{amount(pieces, 'piece')} from {first:.6g} to {last:.6g} s"
+        return f"Signal({span}, {amount(width, 'value')} at each time)"
 
     @property
     def span(self) -> tuple[float, float]:
