@@ -354,6 +354,68 @@ def test_a_running_loss_that_jumps(u):
     refused("what acts jumps", robot.gradient, None, robot.home, [u], running=paid, **options)
 
 
+@pytest.mark.parametrize("at", [0.3, 0.417, 0.5])
+def test_a_running_loss_that_jumps_at_a_time(at):
+    robot = lw.Robot(CART)
+
+    def paid(t, state):
+        return math.where(t < state.parameter("at", at), 2.0, 5.0) + 0 * state["rail"]
+
+    switch = Event(lambda t, state: t - state.parameter("at", at), cuts=True)
+    options = {"duration": 1.2, **TIGHT}
+    found = robot.gradient(None, robot.home, [3.0], running=paid, events=[switch], **options)
+    assert found.value == pytest.approx(2 * at + 5 * (1.2 - at), rel=1e-11)
+    assert found["at"] == pytest.approx(-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", [None, "rodas"])
+def test_a_force_that_bends_at_a_time(method):
+    """k max(t - a, 0): v = k (T - a)^2 / 2 m."""
+    robot, a, k, m = lw.Robot(CART), 0.417, 3.0, 2.0
+
+    def late(t, state):
+        return state.parameter("rate", 1.0) * t - state.parameter("a", a)
+
+    def law(t, state):
+        return [k * math.where(late(t, state) > 0, late(t, state), 0.0)]
+
+    own = TIGHT if method is None else {"method": method, "rtol": 1e-10, "atol": 1e-11}
+    run = robot.simulate(robot.home, law, duration=1.2, events=[Event(late, cuts=True)], **own)
+    told = run.sensitivity("joint_rate").joint_rate[-1, 0]
+    assert told.sel(number="a") == pytest.approx(-k * (1.2 - a) / m, rel=1e-8)
+    assert told.sel(number="rate") == pytest.approx(k * (1.2**2 - a**2) / 2 / m, rel=1e-8)
+
+
+@pytest.mark.parametrize("speed", [5.0, 0.5, -0.5, -5.0])
+def test_a_running_loss_that_bends_at_what_state_and_time_tell(speed):
+    """int max(x + s t - g, 0) dt under x = x0 + v0 t, g being met at 0.4 s; with slopes of the
+    other side where steps begin, parts of a step would be lacking."""
+    robot, v0 = lw.Robot(CART), 1.0
+    gap = (v0 + speed) * 0.4
+
+    def beyond(t, state):
+        return state["rail"] + speed * t - gap
+
+    def paid(t, state):
+        return math.where(beyond(t, state) > 0, beyond(t, state), 0.0)
+
+    found = robot.gradient(
+        None,
+        robot.home.with_rates([v0]),
+        [0.0],
+        running=paid,
+        events=[Event(beyond, cuts=True)],
+        duration=1.2,
+        **FIXED,
+    )
+    after, before = (1.2**2 - 0.4**2) / 2, 0.4**2 / 2
+    rises = v0 + speed > 0
+    value = (v0 + speed) * (after - 0.4 * 0.8 if rises else before - 0.4 * 0.4)
+    assert found.value == pytest.approx(value, rel=1e-8)
+    assert found["positions.rail"] == pytest.approx(0.8 if rises else 0.4, rel=1e-8)
+    assert found["rates.rail"] == pytest.approx(after if rises else before, rel=1e-8)
+
+
 def test_forces_that_jump_at_an_event_carry_the_jump_over():
     """Under u1 up to a, and u2 from there on."""
     robot, a, u1, u2, duration = lw.Robot(CART), 0.5, 3.0, -1.0, 1.2

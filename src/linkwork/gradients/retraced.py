@@ -48,7 +48,10 @@ SMOOTH = 1e-6  # jump of y' at an event that is none, relative to it
 OFF_JUMPS = 1e-11  # how far off a jump steps end and begin, relative to the step behind
 OFF_KINKS, STIFFLY_OFF = 1e-7, 1e-5
 """How far off a kink the slopes of a step are taken, relative to the step, and those of a stiff
-one, whose slopes are differentiated, too: kinks are rounded off within rounding."""
+one, whose slopes are differentiated, too: kinks are rounded off within rounding. What is integrated
+over that step is off by as much of its change."""
+TICKS = 2.0**-49  # how far off a jump steps end and begin at least, relative to the time
+OF_TIME = 0.1  # part of an event function's rate by the state, below which it is an event of time
 POWERS = np.arange(4.0)
 GRAZING = 1e-9  # rate of an event function, relative to its parts, at which it does not pass zero
 
@@ -65,6 +68,15 @@ class Sampling(NamedTuple):
     def of(self, numbers: slice) -> Sampling:
         """Return some of the instants."""
         return Sampling(*(part[numbers] for part in self))
+
+
+class Aside(NamedTuple):
+    """How far off a break of what acts the slopes of its own side are taken: steps end before it
+    and begin after it [s], these in a state moved along the motion [s]."""
+
+    ends: float
+    begins: float
+    moved: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,10 +204,9 @@ class Retraced:
         self, chart: CompiledChart, state: Sampling, event: int, slope: np.ndarray
     ) -> Partials:
         """Return the Jacobian of the time of an event; slope: y' before it."""
-        found = self.partials(chart, "events", lambda of: of.passing(), state, True)
-        own = slice(event, event + 1)
+        found, own = self._events(chart, state), slice(event, event + 1)
         y, r, p = found.y[:, own], found.r[:, own], found.p[:, own]
-        parts = np.concatenate([y[0, 0] * slope, r[0, 0, : found.columns] * found.inputs.rates[0]])
+        parts = rates_of(found, event, slope)
         if not abs(parts.sum()) > GRAZING * np.abs(parts).sum():
             name = self.system.events[event].name
             raise LinkworkError(
@@ -204,6 +215,16 @@ class Retraced:
             )
         rate = parts.sum()
         return Partials(-y / rate, -r / rate, -p / rate, found.inputs)
+
+    def by_state_and_time(
+        self, chart: CompiledChart, state: Sampling, event: int, slope: np.ndarray
+    ) -> tuple[float, float]:
+        """Return the rate of an event function by the state and by the inputs over time."""
+        parts = rates_of(self._events(chart, state), event, slope)
+        return parts[: len(slope)].sum(), parts[len(slope) :].sum()
+
+    def _events(self, chart: CompiledChart, state: Sampling) -> Partials:
+        return self.partials(chart, "events", lambda of: of.passing(), state, True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,22 +364,45 @@ class OfSegment:
         return self.cuts.keys() - jumping
 
     @cached_property
-    def off(self) -> dict[int, float]:
-        """How far off kinks and jumps steps end and begin, relative to the step behind, by row."""
-        off = STIFFLY_OFF if self.stiff else OFF_KINKS
-        return dict.fromkeys(self.kinks, off) | dict.fromkeys(self.jumps, OFF_JUMPS)
+    def asides(self) -> dict[int, Aside]:
+        """How far off kinks and jumps steps end and begin, by row."""
+        return {
+            row: self.aside(row, event) for row, event in self.cuts.items() if row in self.breaks
+        }
+
+    @property
+    def breaks(self) -> set[int]:
+        """Rows at which steps are taken aside."""
+        return self.kinks | self.jumps.keys()
+
+    def aside(self, row: int, event: int) -> Aside:
+        """Return how far off the break of an event steps end and begin.
+
+        At a kink they begin as far before its time as those before it end, so that an integral
+        has no gap, and in a state moved so that g, the event's function, is that of behind:
+        g_y y' moved - g_t begins = (g_y y' + g_t) begins. At a jump, and at a kink that is one of
+        time, they go along the motion, and the gap is within rounding.
+        """
+        before, behind = np.diff(self.t[row - 1 : row + 2])
+        state = self.state(row, self.held[row], from_left=True)
+        slope = self.slope(state.y[0], state.u[0])[:-1]
+        of_state, of_time = self.whole.by_state_and_time(self.chart, state, event, slope)
+        near = min(max(OFF_JUMPS * behind, TICKS * self.t[row]), before / 2)
+        if row in self.jumps or not abs(of_state) > OF_TIME * abs(of_time):
+            return Aside(ends=near, begins=near, moved=near)
+        off = min((STIFFLY_OFF if self.stiff else OFF_KINKS) * behind, before / 2)
+        return Aside(ends=off, begins=-off, moved=off * (1 + 2 * of_time / of_state))
 
     def beside_breaks(self, a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
         """Return times and states of the rows from a to b, so that slopes are those of the own
         side of kinks and jumps: steps end before one, and begin there in a state behind it."""
-        t, y, off = self.t[a : b + 1].copy(), self.y[a : b + 1].copy(), self.off
-        if a in off:
-            slope = self.slope(y[0], self.state(a, self.held[a]).u[0])[:-1]
-            y[0] += off[a] * (t[1] - t[0]) * slope
-        for place, row in ((0, a), (-1, b)):
-            if row in off:
-                before, behind = np.diff(self.t[row - 1 : row + 2])
-                t[place] -= min(off[row] * behind, before / 2)
+        t, y = self.t[a : b + 1].copy(), self.y[a : b + 1].copy()
+        if a in self.asides:
+            aside = self.asides[a]
+            y[0] += aside.moved * self.slope(y[0], self.state(a, self.held[a]).u[0])[:-1]
+            t[0] += aside.begins
+        if b in self.asides:
+            t[-1] -= self.asides[b].ends
         return t, y
 
     @cached_property
@@ -422,11 +466,17 @@ class OfSegment:
         return found
 
     def beside(self, state: Sampling, aside: float) -> np.ndarray:
-        """Return y' and the cost at an event from one side, by two states along the motion
+        """Return y' and the cost at an event from one side, by two instants along the motion
         there."""
         (y,), (u,) = state.y, state.u
-        along = self.slope(y, u)[:-1]
-        near, far = (self.slope(y + d * along, u) for d in (aside, 2 * aside))
+        along, signals = self.slope(y, u)[:-1], self.system.inputs
+        times = state.t + aside * np.array([1.0, 2.0])
+        inputs = values(signals, times, from_left=aside < 0)
+        held = u[inputs.shape[1] :]
+        near, far = (
+            self.slope(y + d * along, np.concatenate([r, held]))
+            for d, r in zip(times - state.t, inputs, strict=True)
+        )
         return 2 * near - far
 
     def ending(self, numbers: np.ndarray) -> Passing:
@@ -438,6 +488,12 @@ class OfSegment:
         slope = self.slope(state.y[0], state.u[0])
         moment = self.whole.moment(self.chart, state, event, slope[:-1])
         return Passing(moment, slope[:-1], float(slope[-1]), numbers)
+
+
+def rates_of(events: Partials, event: int, slope: np.ndarray) -> np.ndarray:
+    """Return the parts of the rate of an event function: by each state, by each input over time."""
+    by_input = events.r[0, event, : events.columns] * events.inputs.rates[0]
+    return np.concatenate([events.y[0, event] * slope, by_input])
 
 
 def pieces(signal: Signal, t: np.ndarray, from_left: bool) -> tuple[np.ndarray, np.ndarray]:
