@@ -142,7 +142,7 @@ def test_within_wide_bounds_they_are_those_of_the_robot():
         ),
         (lambda: equilibrium(built("pendulum"), [20.0]), "no stable equilibrium is found"),
         (lambda: equilibrium(built("pendulum"), {"x": 1.0}), "there is no actuator 'x'"),
-        (lambda: equilibria(built("pendulum"), [1.0, 2.0]), "1 numbers"),
+        (lambda: equilibria(built("pendulum"), [1.0, 2.0]), "give 1 number in"),
     ],
 )
 def test_refusals(ask, told):

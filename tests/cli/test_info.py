@@ -41,8 +41,9 @@ def test_facts_as_json():
     assert result.exit_code == 0, result.output
     facts = json.loads(result.stdout)
     assert list(facts) == [
-        "name", "mobility", "gruebler", "planar", "actuators", "bodies", "joints", "springs",
-        "loops", "redundant", "idle", "quantities", "chart", "kernels",
+        "name", "mobility", "gruebler", "planar", "actuators", "transmissions", "drives", "tools",
+        "bodies", "joints", "springs", "loops", "redundant", "idle", "quantities", "chart",
+        "kernels",
     ]  # fmt: skip
     assert (facts["mobility"], facts["gruebler"], facts["loops"]) == (3, 3, 2)
     assert (len(facts["bodies"]), len(facts["joints"]), facts["springs"]) == (7, 9, [])
@@ -165,10 +166,33 @@ def test_limits_springs_gears_and_actuated_freedoms_are_told(capsys, without_ker
     lines = {
         line.split()[0]: " ".join(line.split()) for line in text.split("\n\n")[1].splitlines()[2:]
     }
-    assert lines["wheels"] == "wheels gear 1 hinge + -2 tube.angle + 0.5 tube.angle^2 gear"
+    assert lines["wheels"] == "wheels gear hinge - 2 tube.angle + 0.5 tube.angle^2 gear"
     assert lines["hinge"].endswith("tree yes")
     assert lines["tube"].endswith("tree slide")
     assert lines["knob"].endswith("tree wx, wz")
+
+
+def test_actuators_and_tools_are_told(capsys, without_kernels):
+    """Those that act along a transmission, too, as in grippers' files, and their drives."""
+    mechanism = lw.Mechanism(
+        bodies={"left": BODY, "right": BODY},
+        joints={
+            "hinge": lw.RevoluteJoint(connects=("ground", "left")),
+            "other": lw.RevoluteJoint(connects=("ground", "right")),
+        },
+        transmissions={
+            "split": lw.Combination(ratios={"hinge": -1, "other": 0.5}),
+            "fan": lw.Thrust(body="left", force=(0, 1, 0)),
+        },
+        actuators=("split", "fan", "other"),
+        drives={"split": {"type": "servo", "gain": 5.0}},
+        tools={"tip": lw.Tool(body="left"), "thumb": lw.Tool(body="right")},
+    )
+    text = told(lw.Robot(mechanism), capsys)
+    assert fact(text, "actuators") == (
+        "split (along -hinge + 0.5 other; servo); fan (along a thrust); other"
+    )
+    assert fact(text, "tools") == "tip on left, thumb on right"
 
 
 def test_idle_freedoms_are_told(capsys, without_kernels):

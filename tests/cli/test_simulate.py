@@ -177,7 +177,7 @@ def test_of_many_joints_the_actuated_ones_are_told(monkeypatch):
         (("--joints", "slide_9=1"), "--joints: there is no 'slide_9'"),
         (("--joints", "slide_1=5"), "cannot be assembled with slide_1 = 5"),
         (("--tool", "3,3,0"), "cannot be assembled with the tool at [3.0, 3.0, 0.0]"),
-        (("--tool", "3"), "a tool pose of 1 numbers is not understood"),
+        (("--tool", "3"), "a tool pose of 1 number is not understood"),
         (("--rates", "slide_9=1"), "--rates: there is no 'slide_9'"),
         (("--rates", "pivot_1=1"), "1 rate is given; give 3"),
         (

@@ -40,13 +40,13 @@ def structure(robot: Robot) -> dict[str, Any]:
     """Return the facts that are known before anything is compiled, as plain data.
 
     Keys: name, mobility, gruebler (what Gruebler's formula gives for it), planar, actuators,
-    bodies, joints (name, type, connects two bodies, couples coordinates by ratios and powers, role
-    "tree", "cut" or "gear", actuated rates, limits, speed_limits and
-    spring stiffness by freedom, bearing: the coefficient and, of a gear's teeth, the coordinate at
-    which they rub), springs (between points:
-    name, connects, stiffness), loops, redundant (rows that depend on others), idle (freedoms that
-    move one member only), quantities (values by name), chart (independent rates, kept
-    rows, elimination).
+    transmissions (those that are actuators: type, couples coordinates by ratios), drives (types, by
+    actuator), tools (bodies, by name), bodies, joints (name, type, connects two bodies, couples
+    coordinates by ratios and powers, role "tree", "cut" or "gear", actuated rates, limits,
+    speed_limits and spring stiffness by freedom, bearing: the coefficient and, of a gear's teeth,
+    the coordinate at which they rub), springs (between points: name, connects, stiffness), loops,
+    redundant (rows that depend on others), idle (freedoms that move one member only), quantities
+    (values by name), chart (independent rates, kept rows, elimination).
     """
     equations, mechanism = robot.equations, robot.mechanism
     return {
@@ -55,6 +55,13 @@ def structure(robot: Robot) -> dict[str, Any]:
         "gruebler": robot.gruebler,
         "planar": robot.planar,
         "actuators": list(robot.actuators),
+        "transmissions": {
+            name: {"type": own.type, "couples": dict(getattr(own, "ratios", {}))}
+            for name, own in mechanism.transmissions.items()
+            if name in robot.actuators
+        },
+        "drives": {name: drive["type"] for name, drive in mechanism.drives.items()},
+        "tools": {name: tool.body for name, tool in mechanism.tools.items()},
         "bodies": list(robot.bodies),
         "joints": [joint_facts(robot, name, joint) for name, joint in mechanism.joints.items()],
         "springs": [
@@ -135,6 +142,8 @@ def print_tables(found: dict[str, Any]) -> None:
         ("springs", "; ".join(springs(found)) or "none"),
         *([("bearings", told)] if (told := "; ".join(rubbing(found["joints"]))) else []),
         *([("quantities", quantities(found))] if found["quantities"] else []),
+        ("actuators", "; ".join(acting(found)) or "none"),
+        ("tools", ", ".join(f"{name} on {of}" for name, of in found["tools"].items()) or "none"),
         ("independent", ", ".join(chart["independent"])),
         ("elimination", elimination(chart)),
     ]
@@ -188,13 +197,38 @@ def mobility(found: dict[str, Any]) -> str:
 
 def between(joint: dict[str, Any]) -> str:
     """Return the bodies that a joint connects, or the sum that a gear keeps."""
+    return " - ".join(joint["connects"]) or weighted(joint["couples"], joint["powers"])
+
+
+def weighted(couples: dict[str, float], powers: dict[str, list[float]] | None = None) -> str:
+    """Return a sum of coordinates, and of their powers, as it is written by hand."""
     terms = [
-        f"{c:g} {name}{f'^{power}' if power > 1 else ''}"
-        for name, ratio in joint["couples"].items()
-        for power, c in enumerate((ratio, *joint["powers"].get(name, ())), start=1)
+        (c, f"{name}{f'^{power}' if power > 1 else ''}")
+        for name, ratio in couples.items()
+        for power, c in enumerate((ratio, *(powers or {}).get(name, ())), start=1)
         if c
     ]
-    return " - ".join(joint["connects"]) or " + ".join(terms)
+    told = "".join(f" {'-' if c < 0 else '+'} {scaled(abs(c), what)}" for c, what in terms)
+    return told.removeprefix(" + ") if terms and terms[0][0] > 0 else told.replace(" - ", "-", 1)
+
+
+def scaled(factor: float, what: str) -> str:
+    """Return a product as it is written by hand."""
+    return what if factor == 1 else f"{factor:g} {what}"
+
+
+def acting(found: dict[str, Any]) -> Iterator[str]:
+    """Yield the actuators: rates of joints, or along which transmission, and with which drive."""
+    for name in found["actuators"]:
+        told = [words(found["drives"][name])] if name in found["drives"] else []
+        if along := found["transmissions"].get(name):
+            told = [f"along {weighted(along['couples']) or 'a ' + words(along['type'])}", *told]
+        yield f"{name} ({'; '.join(told)})" if told else name
+
+
+def words(name: str) -> str:
+    """Return the name of a type as it is spoken."""
+    return name.replace("_", " ")
 
 
 def actuated(joint: dict[str, Any]) -> str:

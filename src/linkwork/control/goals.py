@@ -72,7 +72,8 @@ def target(goal: Goal, names: Names) -> DesiredMotion:
         width, count = signal.coefficients.shape[2], len(names.actuators)
         if width != count:
             raise LinkworkError(
-                f"the goal has {width} columns; give {count}: {', '.join(names.actuators)}"
+                f"the goal has {checks.amount(width, 'column')}; give {count}: "
+                f"{', '.join(names.actuators)}"
             )
         return DesiredMotion(signal)
     if hasattr(goal, "time") and hasattr(goal, "state"):

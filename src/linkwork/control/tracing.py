@@ -216,11 +216,11 @@ def ordered(values: Any, names: Sequence[str], what: str) -> np.ndarray:
     except (TypeError, ValueError):
         array = None
     if array is None:
-        count = "1 number" if len(names) == 1 else f"{len(names)} numbers"
+        count = checks.amount(len(names), "number")
         raise LinkworkError(f"{what} returns {shown(values)}; give {count}: {', '.join(names)}")
     if array.size != len(names) or array.ndim > 2 or (not array.ndim and len(names) != 1):
         raise LinkworkError(
-            f"{what} returns {array.size} values; give {len(names)}: "
+            f"{what} returns {checks.amount(array.size, 'value')}; give {len(names)}: "
             f"{', '.join(names) or 'none'}, in this order or by name"
         )
     return array.ravel()

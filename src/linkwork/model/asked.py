@@ -17,6 +17,7 @@ from typing import NamedTuple, Protocol
 import casadi as ca
 import numpy as np
 
+from linkwork.checks import amount
 from linkwork.equations import Equations, body_motion, functions
 from linkwork.equations.algebra import SX, matrix_quaternion, wrapped
 from linkwork.equations.effects import rotation_vector
@@ -127,7 +128,8 @@ class ToolAsked:
         if size not in allowed:
             understood = (", ".join(map(long_name, poses[:count])) for count in allowed)
             raise LinkworkError(
-                f"a tool pose of {size} numbers is not understood; give {' or '.join(understood)}"
+                f"a tool pose of {amount(size, 'number')} is not understood; give "
+                f"{' or '.join(understood)}"
             )
         return cls(poses[:size], length, planar)
 

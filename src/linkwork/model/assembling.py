@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import shown
+from linkwork.checks import amount_is, shown
 from linkwork.errors import LinkworkError
 from linkwork.model import checks, task
 from linkwork.model.asked import JointsAsked
@@ -92,8 +92,8 @@ def alone(robot: Model, asked: JointsAsked, values: np.ndarray, start: np.ndarra
         if values.size <= robot.mobility:
             raise
         raise UnreachableError(
-            f"{values.size} joints are given, but {robot.mobility} determine all others; leave "
-            f"some out, or give values that fit together: {error}"
+            f"{amount_is(values.size, 'joint')} given, but {robot.mobility} determine all others; "
+            f"leave some out, or give values that fit together: {error}"
         ) from None
 
 

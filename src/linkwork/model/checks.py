@@ -9,6 +9,7 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.checks import amount as amount
 from linkwork.checks import amount_is as amount_is
 from linkwork.checks import at as at
 from linkwork.checks import finite, reals, shown
@@ -102,7 +103,7 @@ def vector(
     array = reals(values)
     if array is None:
         raise LinkworkError(
-            f"{what} is {shown(values)}; give {len(names)} numbers: {', '.join(names)}"
+            f"{what} is {shown(values)}; give {amount(len(names), 'number')}: {', '.join(names)}"
         )
     if array.shape[-1:] != (len(names),):
         refuse_shape(array, what, names)
@@ -120,8 +121,8 @@ def refuse_shape(array: np.ndarray, what: str, names: Sequence[str]) -> NoReturn
     if not names:
         raise LinkworkError(f"{what} has shape {array.shape}; there are none here: give []")
     raise LinkworkError(
-        f"{what} has shape {array.shape}; give {len(names)} numbers in the last dimension: "
-        f"{', '.join(names)}"
+        f"{what} has shape {array.shape}; give {amount(len(names), 'number')} in the last "
+        f"dimension: {', '.join(names)}"
     )
 
 

@@ -46,7 +46,8 @@ class LinearModel:
     units: tuple[np.ndarray, np.ndarray]
 
     def __repr__(self) -> str:
-        sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        named = {"state": self.states, "input": self.inputs, "output": self.outputs}
+        sizes = ", ".join(checks.amount(len(names), what) for what, names in named.items())
         return f"LinearModel({sizes}; inputs: {', '.join(self.inputs[:SHOWN]) or 'none'})"
 
     @property

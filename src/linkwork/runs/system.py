@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import by_name, several
+from linkwork.checks import amount, by_name, several
 from linkwork.control.acting import Acting
 from linkwork.control.continued import Followed
 from linkwork.control.drives import Drive, Extra
@@ -345,8 +345,8 @@ def plain(robot: Model, forces: Any) -> System:
         if u.ndim > 1:
             checks.finite(u, "forces")
             raise LinkworkError(
-                f"forces has shape {u.shape}; give {n} numbers: {', '.join(robot.actuators)}, or "
-                "linkwork.Sampled ones"
+                f"forces has shape {u.shape}; give {amount(n, 'number')}: "
+                f"{', '.join(robot.actuators)}, or linkwork.Sampled ones"
             )
         return steady(u.tobytes())
     signal = as_signal(forces)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import count, shown
+from linkwork.checks import amount, count, shown
 from linkwork.control.sampler import Sampler
 from linkwork.errors import LinkworkError
 from linkwork.kernels.from_python import Direct, Ends, call_of, left_to_others
@@ -338,7 +338,8 @@ class Stepper:
         )
         if given.shape != self.u.shape:
             raise LinkworkError(
-                f"forces has shape {given.shape}; give {len(names)} numbers: {', '.join(names)}"
+                f"forces has shape {given.shape}; give {amount(len(names), 'number')}: "
+                f"{', '.join(names)}"
             )
         self.u[:] = given
 

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from linkwork.checks import amount
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 
@@ -123,9 +124,8 @@ def checked(
 def checked_forces(mechanism: Mechanism, forces: np.ndarray) -> np.ndarray:
     """Return actuator forces as a vector of shape (n,); another shape is refused."""
     if np.shape(forces) != (len(mechanism.actuators),):
-        raise EngineError(
-            f"forces: give {len(mechanism.actuators)} numbers, one per actuator, not {forces!r}"
-        )
+        wanted = amount(len(mechanism.actuators), "number")
+        raise EngineError(f"forces: give {wanted}, one per actuator, not {forces!r}")
     return np.asarray(forces, dtype=float)
 
 
