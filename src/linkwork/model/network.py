@@ -29,6 +29,7 @@ from linkwork.equations.topology import Rim
 from linkwork.mechanism import GROUND, Mechanism
 
 DEPENDENT = 1e-9  # singular values below this part of the largest count as zero
+CROSS = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2).reshape(3, 9)  # r -> r x, by rows
 
 
 @dataclass(frozen=True)
@@ -117,6 +118,60 @@ class Network:
         """Number of columns: the known part, lambda of the closing joints, mu of the gears."""
         return 1 + sum(part.stop - part.start for part in self.unknowns.values()) + self.gears
 
+    @cached_property
+    def pushed_columns(self) -> list[int]:
+        """Columns of what pushes on the rates: the known part, mu of the gears."""
+        return [0, *range(self.columns - self.gears, self.columns)]
+
+    @cached_property
+    def closing_kinds(self) -> list[list[int]]:
+        """Closing joints by how many rates they have, rods apart."""
+        kinds = dict[tuple[bool, int], list[int]]()
+        for k in self.closing:
+            own = self.rates[k]
+            kinds.setdefault((k in self.rods, own.stop - own.start), []).append(k)
+        return [*kinds.values()]
+
+    @cached_property
+    def moving(self) -> list[int]:
+        """Joints that have rates."""
+        return [k for k, own in enumerate(self.rates) if own.stop > own.start]
+
+    @cached_property
+    def first_rates(self) -> list[int]:
+        """The first rate of each of these."""
+        return [self.rates[k].start for k in self.moving]
+
+    @cached_property
+    def order(self) -> list[int]:
+        """Joints of the tree, outward."""
+        return [branch.joint for branch in self.branches]
+
+    @cached_property
+    def carried(self) -> list[int]:
+        """The bodies behind these."""
+        return [branch.body for branch in self.branches]
+
+    @cached_property
+    def signs(self) -> np.ndarray:
+        """1 where that is the second body of such a joint, else -1."""
+        return np.array([1.0 if branch.forward else -1.0 for branch in self.branches])
+
+    @cached_property
+    def tree_rods(self) -> list[int]:
+        """Rods of the tree."""
+        return [k for k in self.order if k in self.rods]
+
+    @cached_property
+    def tree_rates(self) -> list[int]:
+        """Rates of the tree's joints."""
+        return [i for k in self.order for i in range(self.rates[k].start, self.rates[k].stop)]
+
+    @cached_property
+    def moved_joints(self) -> list[int]:
+        """The joint of each of these."""
+        return [k for k in self.order for _ in range(self.rates[k].start, self.rates[k].stop)]
+
     def pushed(self, slopes: np.ndarray) -> np.ndarray:
         """Return G (K, gears, m) of the slopes (K, geared)."""
         G = np.zeros((len(slopes), self.gears, sum(own.stop - own.start for own in self.rates)))
@@ -167,7 +222,8 @@ def balanced(network: Network, loads: Loads) -> Balance:
     """Return the wrenches that balance every body, the least ones where they are open."""
     W, acting, conditions = columns_of(network, loads)
     y, N = least_norm(conditions[..., 1:], -conditions[..., 0])
-    constraint = W - acting
+    constraint = W.copy()
+    constraint[..., network.pushed_columns] -= acting
     if N.shape[-1]:
         gears = np.zeros((len(W), network.gears, W.shape[-1]))
         gears[..., network.columns - network.gears :] = np.eye(network.gears)
@@ -181,86 +237,85 @@ def balanced(network: Network, loads: Loads) -> Balance:
 
 
 def columns_of(network: Network, loads: Loads) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return every joint's W (K, J, 6, columns), P (f + G' mu) likewise, and S' W - f - G' mu of
-    the tree (K, e, columns).
+    """Return every joint's W (K, J, 6, columns), P (f + G' mu) (K, J, 6, 1 + gears), and S' W - f -
+    G' mu of the tree (K, e, columns).
 
     The columns: what is known, then the factors of lambda and of mu.
     """
-    count, columns = len(loads.f), network.columns
-    W = np.zeros((count, len(network.pairs), 6, columns))
-    acting, conditions = np.zeros_like(W), [np.zeros((count, 0, columns))]
-    needed = np.zeros((count, loads.needed.shape[1], 6, columns))
-    needed[..., 0] = loads.needed
-    pushes = np.zeros((*loads.f.shape, columns))  # f + G' mu
-    pushes[..., 0], pushes[..., columns - network.gears :] = loads.f, np.swapaxes(loads.G, 1, 2)
-    for k, rates in enumerate(network.rates):
-        acting[:, k] = np.swapaxes(conjugate(loads.twists[:, rates]), 1, 2) @ pushes[:, rates]
-
-    def add(body: int, wrench: np.ndarray, point: np.ndarray, sign: int) -> None:
-        if body >= 0:
-            needed[:, body] += sign * moved(wrench, point - loads.centres[:, body])
-
-    for k in network.closing:
-        W[:, k] = acting[:, k]
-        W[:, k, :, network.unknowns[k]] += constraints(network, loads, k)
+    ends, pushed, order = loads.origins[:, :, 1], network.pushed_columns, network.order
+    W = np.zeros((*ends.shape[:2], 6, network.columns))
+    sums = np.zeros((len(ends), loads.needed.shape[1], 6, network.columns))
+    # What pushes on the rates, as wrenches of the joints.
+    pushes = np.concatenate([loads.f[..., None], np.swapaxes(loads.G, 1, 2)], axis=2)
+    each = conjugate(loads.twists)[..., None] * pushes[:, :, None]
+    acting = np.zeros((*W.shape[:3], len(pushed)))
+    acting[:, network.moving] = np.add.reduceat(each, network.first_rates, axis=1)
+    # Joints that close loops bring that, and lambda.
+    W[..., pushed] = acting
+    for kind in network.closing_kinds:
+        A = constraints(network, loads, kind)
+        for i, k in enumerate(kind):
+            W[:, k, :, network.unknowns[k]] = A[:, i]
+    # About the first body's centre, wrenches are summed from the ends of the tree inward.
+    middle, closing = loads.centres[:, :1], network.closing
+    sums[..., 0] = moved(loads.needed[..., None], loads.centres - middle)[..., 0]
+    taken = moved(W[:, closing], ends[:, closing] - middle)
+    for i, k in enumerate(closing):
         for body, sign in zip(network.pairs[k], (1, -1), strict=True):
-            add(body, W[:, k], loads.origins[:, k, 1], sign)
+            if body >= 0:
+                sums[:, body] += sign * taken[:, i]
     for branch in reversed(network.branches):
-        k, brought = branch.joint, needed[:, branch.body]
-        centre = loads.centres[:, branch.body]
-        W[:, k] = (1 if branch.forward else -1) * moved(brought, centre - loads.origins[:, k, 1])
-        add(branch.parent, brought, centre, 1)
-        S, given = motions(network, loads, k), pushes[:, network.rates[k]]
-        work = S @ W[:, k]
-        work[:, : given.shape[1]] -= given
-        conditions.append(work / np.linalg.norm(S, axis=2, keepdims=True))
-    return W, acting, np.concatenate(conditions, axis=1)
+        if branch.parent >= 0:
+            sums[:, branch.parent] += sums[:, branch.body]
+    # The joints of the tree bring these sums; in their own motions, what pushes them.
+    brought = sums[:, network.carried] * network.signs[:, None, None]
+    W[:, order] = moved(brought, middle - ends[:, order])
+    S = loads.twists[:, network.tree_rates]
+    work = (S[:, :, None] @ W[:, network.moved_joints])[:, :, 0]
+    work[..., pushed] -= pushes[:, network.tree_rates]
+    work /= lengths(S)
+    if rods := network.tree_rods:
+        free = complement(constraints(network, loads, rods)) @ W[:, rods]
+        work = np.concatenate([work, free.reshape(len(ends), -1, network.columns)], axis=1)
+    return W, acting, work
 
 
-def motions(network: Network, loads: Loads, k: int) -> np.ndarray:
-    """Return S' (K, freedoms, 6): the twists of F2 in F1 that a joint allows; a rod's have no
-    rates."""
-    if k not in network.rods:
-        return loads.twists[:, network.rates[k]]
-    return complement(constraints(network, loads, k))
-
-
-def constraints(network: Network, loads: Loads, k: int) -> np.ndarray:
-    """Return A (K, 6, 6 - freedoms): orthonormal wrenches about the origin of F2 that do no work in
-    a joint's motion."""
-    if k in network.rods:
-        gap = loads.origins[:, k, 1] - loads.origins[:, k, 0]
-        direction = gap / np.linalg.norm(gap, axis=1, keepdims=True)
-        return np.concatenate([np.zeros_like(gap), direction], axis=1)[..., None]
-    return np.swapaxes(complement(np.swapaxes(motions(network, loads, k), 1, 2)), 1, 2)
+def constraints(network: Network, loads: Loads, kind: list[int]) -> np.ndarray:
+    """Return A (K, joints, 6, 6 - freedoms): orthonormal wrenches about the origins of F2 that do
+    no work in the motions of joints of one kind: rods, or with equally many rates."""
+    if kind[0] in network.rods:
+        gap = loads.origins[:, kind, 1] - loads.origins[:, kind, 0]
+        return np.concatenate([np.zeros_like(gap), gap / lengths(gap)], axis=2)[..., None]
+    rates = [[*range(own.start, own.stop)] for own in map(network.rates.__getitem__, kind)]
+    return np.swapaxes(complement(np.swapaxes(loads.twists[:, np.array(rates, int)], 2, 3)), 2, 3)
 
 
 def complement(columns: np.ndarray) -> np.ndarray:
-    """Return orthonormal rows (K, 6 - k, 6) that are orthogonal to given independent columns
-    (K, 6, k)."""
+    """Return orthonormal rows (..., 6 - k, 6) that are orthogonal to given independent columns
+    (..., 6, k)."""
     Q = np.linalg.qr(columns, mode="complete")[0]
-    return np.swapaxes(Q[..., columns.shape[2] :], 1, 2)
+    return np.swapaxes(Q[..., columns.shape[-1] :], -1, -2)
 
 
 def conjugate(twists: np.ndarray) -> np.ndarray:
     """Return P' (K, rates, 6): the moment about the axis of a turn, the force along a slide, that
     do unit work on a rate."""
-    turns = np.linalg.norm(twists[..., :3], axis=2, keepdims=True) > 0
-    along = np.where(turns, twists * np.repeat([1.0, 0.0], 3), twists)
-    return along / np.maximum(np.sum(along**2, axis=2, keepdims=True), np.finfo(float).tiny)
+    along = twists.copy()
+    along[..., 3:] *= ~twists[..., :3].any(axis=2, keepdims=True)
+    return along / np.maximum((along * along) @ np.ones((6, 1)), np.finfo(float).tiny)
+
+
+def lengths(vectors: np.ndarray) -> np.ndarray:
+    """Return the lengths (..., 1) of vectors (..., n)."""
+    return np.sqrt((vectors * vectors) @ np.ones((vectors.shape[-1], 1)))
 
 
 def moved(wrench: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """Return wrenches (K, 6, columns) about another point: moment + r x force, r (K, 3) to the old
-    point from the new."""
-    moment, force = wrench[:, :3], wrench[:, 3:]
-    x, y, z = (r[:, i, None] for i in range(3))
-    turned = [
-        y * force[:, 2] - z * force[:, 1],
-        z * force[:, 0] - x * force[:, 2],
-        x * force[:, 1] - y * force[:, 0],
-    ]
-    return np.concatenate([moment + np.stack(turned, axis=1), force], axis=1)
+    """Return wrenches (..., 6, columns) about another point: moment + r x force, r (..., 3) to the
+    old point from the new."""
+    found = wrench.copy()
+    found[..., :3, :] += (r @ CROSS).reshape(*r.shape, 3) @ wrench[..., 3:, :]
+    return found
 
 
 def least_norm(B: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from math import prod
 from typing import TYPE_CHECKING, ClassVar
 
@@ -18,7 +19,7 @@ from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
 from linkwork.model import checks, evaluation
 from linkwork.model.charts import CompiledChart
-from linkwork.model.network import Loads, Network, balanced
+from linkwork.model.network import Loads, Network, balanced, moved
 from linkwork.model.reordering import evaluated
 from linkwork.model.state import State
 
@@ -130,9 +131,9 @@ def transmitted(
     dimensions of the result."""
     if not isinstance(frame, str) or frame not in FRAMES:
         raise LinkworkError(f"frame is {frame!r}; give {' or '.join(map(repr, FRAMES))}")
-    length = spread(robot) if length is None else checks.number(length, "length")
+    length = checks.number(robot.once(spread) if length is None else length, "length")
     checks.positive(length, "length")
-    network = Network.of(robot.mechanism)
+    network = robot.once(network_of)
     size = max(1, MEMORY // network.numbers)
     pieces = [part[k : k + size] for part in samples for k in range(0, max(len(part.q), 1), size)]
     parts = [balanced_part(robot, network, piece, frame, length) for piece in pieces]
@@ -168,14 +169,12 @@ def balanced_part(
     centres, twists = centres.reshape(count, bodies, 3) / length, twists.reshape(*f.shape, 6) * unit
     G = network.pushed(slopes)
     balance = balanced(network, Loads(needed / unit, centres, origins / length, twists, f, G))
-    axes = seen_from(samples, joints, frame)
-    wrenches, constraint = (
-        shown(part * unit, origins, axes, frame) for part in (balance.wrenches, balance.constraint)
+    parts = np.concatenate(
+        [balance.wrenches[..., None], balance.constraint[..., None], balance.free], axis=3
     )
-    is_open = np.zeros(wrenches.shape[1:], bool)
-    for change in np.moveaxis(balance.free, -1, 0):
-        is_open |= (np.abs(shown(change, origins / length, axes, frame)) > OPEN).any(axis=0)
-    return wrenches, constraint, balance.mu, is_open
+    parts = shown(parts, origins / length, seen_from(samples, joints, frame), frame)
+    is_open = np.asarray((np.abs(parts[..., 2:]) > OPEN).any(axis=(0, 3)))
+    return parts[..., 0] * unit, parts[..., 1] * unit, balance.mu, is_open
 
 
 def loads(robot: Model, samples: Samples, outside: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -193,11 +192,15 @@ def loads(robot: Model, samples: Samples, outside: np.ndarray) -> tuple[np.ndarr
         if checks.weakest(pivots) > checks.PIVOT_BOUND:
             w, w_dot = chart.in_tree(q, samples.v, chart.p, samples.v_dot)
             return kernel(chart.free, make)(q, w, w_dot, *given, chart.p)
-    return evaluated(
-        robot, chart, lambda other: kernel(other, make), q, samples.v, samples.v_dot, *given
-    )
+    parts = q, samples.v, samples.v_dot, *given
+    if len(q) != 1:
+        return evaluated(robot, chart, lambda other: kernel(other, make), *parts)
+    one = (part[0] for part in parts)  # one state takes the shortest way
+    found = evaluated(robot, chart, lambda other: kernel(other, make), *one)
+    return tuple(part.reshape(1, -1) for part in found)
 
 
+@lru_cache(maxsize=32)
 def kernel(chart: CompiledChart, function: Callable[[Equations], ca.Function]) -> Kernel:
     """Return a function of `equations.reactions`, compiled in a chart."""
     return chart.compiled(function.__name__, function).given(chart.p)
@@ -215,15 +218,19 @@ def seen_from(samples: Samples, joints: int, frame: str) -> np.ndarray | None:
 def shown(
     wrenches: np.ndarray, origins: np.ndarray, axes: np.ndarray | None, frame: str
 ) -> np.ndarray:
-    """Return wrenches (K, J, 6), given about the origins of F2 in the ground's axes, in another
-    frame of each joint."""
-    moment, force = wrenches[..., :3], wrenches[..., 3:]
+    """Return wrenches (K, J, 6, columns), given about the origins of F2 in the ground's axes, in
+    another frame of each joint."""
     if frame != "second":
-        moment = moment + np.cross(origins[:, :, 1] - origins[:, :, 0], force)
-    parts = moment, force
-    if axes is not None:
-        parts = (np.einsum("kjab,kja->kjb", axes, part) for part in parts)
-    return np.concatenate([*parts], axis=-1)
+        wrenches = moved(wrenches, origins[:, :, 1] - origins[:, :, 0])
+    if axes is None:
+        return wrenches
+    turned, (count, joints, _, columns) = np.swapaxes(axes, 2, 3)[:, :, None], wrenches.shape
+    return (turned @ wrenches.reshape(count, joints, 2, 3, columns)).reshape(wrenches.shape)
+
+
+def network_of(robot: Model) -> Network:
+    """Return the graph of a robot's joints."""
+    return Network.of(robot.mechanism)
 
 
 def spread(robot: Model) -> float:
