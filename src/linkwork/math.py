@@ -68,7 +68,10 @@ def vector(symbols: ca.SX) -> np.ndarray:
 
 def array(values: Any) -> np.ndarray:
     """Return an array of numbers, or of single symbols and numbers (dtype object), from nested
-    sequences."""
+    sequences.
+
+    values: numbers, symbols, or sequences of them.
+    """
     if isinstance(values, ca.SX):
         return vector(values).reshape(shape(values), order="F")
     if not symbolic(values):
@@ -108,7 +111,7 @@ def elementwise(
 
     function.__name__ = of_numbers.__name__
     function.__doc__ = (
-        f"Return {of_numbers.__name__} of numbers, arrays or symbols, element by element."
+        f"Return {of_numbers.__name__} of values: numbers, arrays or symbols, element by element."
     )
     return function
 
@@ -143,12 +146,18 @@ def clip(value: Any, lower: Any, upper: Any) -> Any:
 
 
 def sum(values: Sequence[Any] | np.ndarray) -> Any:
-    """Return the sum of a list or vector."""
+    """Return the sum of a list or vector.
+
+    values: numbers or symbols.
+    """
     return builtins.sum(array(values))
 
 
 def dot(a: Any, b: Any) -> Any:
-    """Return the sum of the products of two vectors' elements."""
+    """Return the sum of the products of two vectors' elements.
+
+    a, b: of one length.
+    """
     return sum(array(a) * array(b))
 
 
@@ -158,6 +167,9 @@ def norm(a: Any) -> Any:
 
 
 def cross(a: Any, b: Any) -> np.ndarray:
-    """Return the cross product of two vectors of three elements."""
+    """Return the cross product of two vectors of three elements.
+
+    a, b: (3) each.
+    """
     (ax, ay, az), (bx, by, bz) = array(a), array(b)
     return array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])

@@ -269,6 +269,8 @@ class ActuationModel:
         in CasADi's calling convention (`casadi.external` takes them); matrices are column by
         column.
 
+        path: of the C file, which is returned; the header of its name stands beside it.
+
         Raises:
             LinkworkError: another suffix than .c, a folder that is not there.
         """

@@ -77,6 +77,7 @@ def regressor_of(robot: Robot, effects: Sequence[str] = ()) -> Regressor:
     joints.
 
     Args:
+        robot: whose bodies and joints are meant.
         effects: friction and rotors to identify, named as in the description:
             "slide_1.friction.viscous", "slide_1.friction.coulomb", "slide_1.rotor_inertia".
 
@@ -138,6 +139,7 @@ def base_parameters(
     motions.
 
     Args:
+        robot: whose motions tell them.
         effects: as in `regressor_of`.
         samples: number of random closed configurations near the reference, rates and accelerations;
             seed: of these.

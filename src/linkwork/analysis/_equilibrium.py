@@ -82,6 +82,7 @@ def equilibrium(
     Without forces this is a pose in which weight and springs balance each other.
 
     Args:
+        robot: with actuators or without.
         forces: u (actuators) [N, N m], or by name (others zero); zero if left out.
         guess: where to start; `home` if left out.
         stable: look for a stable equilibrium, downhill from the guess; if not, for the nearest one
@@ -271,6 +272,7 @@ def distributed_forces(
     """Return actuator forces within bounds that give accelerations, of least weighted norm.
 
     Args:
+        robot: with as many actuators as freedoms, or more.
         state: one state; accelerations: v' (n) [m/s^2, rad/s^2] in the order of its `independent`.
         lower, upper: bounds of the forces [N, N m]: one number, one each, or by name; cables pull
             only: lower=0.

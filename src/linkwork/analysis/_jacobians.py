@@ -184,6 +184,7 @@ def input_output(
     where B or A is singular.
 
     Args:
+        robot: with a tool that is led in as many coordinates as there are actuators.
         state: closed configurations; their rates do not matter.
         what: coordinates of the tool, as in `square.of_tool`.
     """

@@ -413,7 +413,10 @@ def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[st
 
 def content(mapped: xarray.Dataset) -> float:
     """Return the area or volume of the reached poses [m, rad to the number of axes], to the
-    accuracy of the grid."""
+    accuracy of the grid.
+
+    mapped: as `workspace` gives it, over at least one axis.
+    """
     share = mapped["reachable"]
     for name in share.dims:
         share = share.astype(float).integrate(name)

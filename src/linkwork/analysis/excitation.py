@@ -55,7 +55,10 @@ class Excitation:
         return f"Excitation({told}, actuators: {', '.join(self.actuators)})"
 
     def sample(self, time: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return positions, rates and accelerations of the actuators (N, n) at times (N) [s]."""
+        """Return positions, rates and accelerations of the actuators (N, n).
+
+        time: of the samples (N) [s]
+        """
         t, harmonics = np.asarray(time, float), (len(self.coefficients) - 1) // 2
         basis = (fourier(t, 2 * np.pi / self.period, harmonics, order) for order in range(3))
         q, v, dv = (part @ self.coefficients for part in basis)

@@ -94,6 +94,7 @@ def natural_modes(
     dampers left out.
 
     Args:
+        robot: at the present values of its free numbers.
         state: one state at rest; forces: the actuator forces that hold it; the least ones that do
             if left out, none without actuators.
 
@@ -152,6 +153,9 @@ def stiffness_matrix(
     actuator forces.
 
     It is symmetric where the forces are in equilibrium.
+
+    robot: at the present values of its free numbers; state: one at rest; forces: u of the actuators
+    (actuators) [N, N m], or by name (others zero); zero if left out.
     """
     needed(robot, Robot)
     return evaluated(robot, at_rest(state), actuator_forces(robot, forces))["K"]

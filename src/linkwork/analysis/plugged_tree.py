@@ -96,6 +96,8 @@ class PluggedTree:
     def write_plugin(self, path: str | Path) -> Path:
         """Write the plug-in as one C file, to be compiled with MuJoCo's headers and linked to it.
 
+        path: of the C file.
+
         Raises:
             LinkworkError: another suffix than .c, a folder that is not there.
         """

@@ -246,6 +246,7 @@ def along(
     """Measure how near a motion comes to singularities.
 
     Args:
+        robot: with a tool and actuators.
         motion: a `Motion`, a `Run`, or a stack of states.
         what: coordinates of the tool, as in `singularity`.
         length: characteristic length [m]; that of `Jacobians.characteristic_length` if left out.

@@ -47,7 +47,10 @@ class ArrayFunction:
     @classmethod
     def of(cls, f: ca.Function, residual: ca.Function | None = None) -> ArrayFunction:
         """Return a function of SX with named inputs and outputs, of which "pivot" is the weakest
-        relative one."""
+        relative one.
+
+        f: that function; residual: as of the class.
+        """
         symbols = f.sx_in()
         found = dict(zip(f.name_out(), f.call(symbols), strict=True))
         pivot = [found.pop("pivot")] if "pivot" in found else []
@@ -68,7 +71,10 @@ class ArrayFunction:
         return self.f.n_out() > 1
 
     def width(self, wrt: Wrt) -> int:
-        """Return how many numbers some of the inputs have."""
+        """Return how many numbers some of the inputs have.
+
+        wrt: their numbers.
+        """
         return sum(self.inputs[i][1] for i in wrt)
 
     @cached_property

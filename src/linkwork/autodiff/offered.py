@@ -100,6 +100,9 @@ def functions_of(robot: Robot, chart: State | Sequence[str] | None = None) -> Of
     """Return what is offered of a robot in a choice of independent rates, as `export.casadi` takes
     it.
 
+    robot: whose functions they are; chart: a state that is in it, or the names of its rates; the
+    robot's own if left out.
+
     Raises:
         LinkworkError: what is no robot; rates that there are not, or that do not determine the
             motion; a mechanism whose kernels of its own take too long to compile.

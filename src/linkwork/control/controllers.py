@@ -94,7 +94,10 @@ class Follower(Controller):
 
     def asked(self, names: Names) -> DesiredMotion:
         """Return what the goal asks of a robot: found once, but anew where it changed, or may
-        have."""
+        have.
+
+        names: of the robot's coordinates, rates and actuators.
+        """
         goal = self.goal
         now = dict(goal) if isinstance(goal, Mapping) else None
         kept = self._targets.get(names)
@@ -103,7 +106,10 @@ class Follower(Controller):
         return kept[1]
 
     def errors(self, t: Any, state: Observation) -> tuple[Any, Any, Any]:
-        """Return e, e' and x_d'' (na each)."""
+        """Return e, e' and x_d'' (na each).
+
+        t: the time [s] or its symbol; state: what is measured.
+        """
         names = state.names
         x_d, dx_d, ddx_d = self.asked(names).at(t)
         x, dx = (

@@ -68,7 +68,10 @@ class FluidCylinder(Drive):
 
     def volumes(self, x: Any, w: Any) -> tuple[Any, Any, Any]:
         """Return V_a and V_b [m^3] at a joint coordinate, and the rate at which the travel changes
-        them [m/s]."""
+        them [m/s].
+
+        x: [m]; w: [m/s].
+        """
         travel = math.clip(x - self.retracted, 0, self.stroke)
         moving = w * (
             1
@@ -83,7 +86,10 @@ class FluidCylinder(Drive):
         )
 
     def stops(self, x: Any, w: Any) -> Any:
-        """Return the force of the stops [N] at a joint coordinate and rate."""
+        """Return the force of the stops [N] at a joint coordinate and rate.
+
+        x: [m]; w: [m/s].
+        """
         stiffness = self.supply * math.maximum(self.area_a, self.area_b) / (self.give * self.stroke)
         travel = x - self.retracted
         low, high = math.maximum(-travel, 0), math.maximum(travel - self.stroke, 0)
@@ -136,7 +142,10 @@ class PneumaticCylinder(FluidCylinder):
 
     def flow(self, first: Any, second: Any) -> Any:
         """Return the mass flow [kg/s] of the open valve from one pressure to another; backwards it
-        is negative."""
+        is negative.
+
+        first, second: both pressures [Pa].
+        """
         upstream, downstream = math.maximum(first, second), math.minimum(first, second)
         ratio, b = downstream / upstream, self.critical_ratio
         turbulent = math.sqrt(

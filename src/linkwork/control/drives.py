@@ -57,11 +57,18 @@ class Drive(ActingPart, ABC):
     @abstractmethod
     def equations(self, command: Any, x: Any, w: Any, z: Any) -> tuple[Any, tuple[Any, ...]]:
         """Return the force and z' for a command, the joint's coordinate [m, rad] and rate, and
-        z."""
+        z.
+
+        command: in `unit`; x: [m, rad]; w: [m/s, rad/s]; z: values of `extras`, in order; each a
+        number or a symbol.
+        """
 
     def require_start(self, x: float) -> None:
         """Refuse the joint's coordinate [m, rad] at the start of a run if the drive cannot be
-        there."""
+        there.
+
+        x: of the joint that is driven.
+        """
 
     @property
     def numbers(self) -> dict[str, float]:

@@ -64,6 +64,11 @@ class LQR(Controller):
 
     @classmethod
     def led(cls, goal, *, model: Linearised, position, rate, force) -> LQR:
+        """Return the regulator about a goal, by weights that are diagonal.
+
+        model: of the robot; position, rate: Q of independent coordinates and rates, force: R of
+        actuators; one number for all, or by name.
+        """
         c, u = model.independent, model.actuators
         Q = [*diagonal("position", position, c), *diagonal("rate", rate, c)]
         return cls.about(model, goal, Q, diagonal("force", force, u))

@@ -83,21 +83,30 @@ class Muscle(Drive):
         return more / (down + (up - down) * share)
 
     def force(self, activation: Any, length: Any, rate: Any) -> Any:
-        """Return F for an activation, l and l'."""
+        """Return F for an activation, l and l'.
+
+        activation: from 0 to 1; length: l [m, rad]; rate: l' [m/s, rad/s].
+        """
         L = (length - self.tendon_length) / self.optimum_length
         V = rate / (self.optimum_length * self.fastest)
         active = self.by_length(L) * self.by_rate(V) * activation
         return -self.gear * self.peak_force * (active + self.at_rest(L))
 
     def by_length(self, L: Any) -> Any:
-        """Return FL: half parabolas up to 1/2 and to 1, and down again."""
+        """Return FL: half parabolas up to 1/2 and to 1, and down again.
+
+        L: of the muscle, its length over the optimum one.
+        """
         low, high = self.least_length, self.largest_length
         width = math.where(L < 1, (1 - low) / 2, (high - 1) / 2)
         away = math.abs(L - 1) / width
         return math.where(away < 1, 1 - away**2 / 2, math.maximum(2 - away, 0) ** 2 / 2)
 
     def by_rate(self, V: Any) -> Any:
-        """Return FV."""
+        """Return FV.
+
+        V: of the muscle, its rate over the fastest one.
+        """
         y = self.lengthening - 1
         slow, fast = math.maximum(V + 1, 0), math.maximum(y - V, 0)
         return math.where(V < 0, slow**2, self.lengthening - fast**2 / y)

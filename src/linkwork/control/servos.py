@@ -83,7 +83,10 @@ class Servo(Drive):
         return within(command, self.least_command, self.largest_command)
 
     def force(self, activation: Any, length: Any, rate: Any) -> Any:
-        """Return F for an activation, l and l'."""
+        """Return F for an activation, l and l'.
+
+        activation: of the command, one of muscles; length: l [m, rad]; rate: l' [m/s, rad/s].
+        """
         gain = self.gain + self.gain_position * length + self.gain_rate * rate
         bias = self.bias + self.bias_position * length + self.bias_rate * rate
         return self.gear * within(gain * activation + bias, self.least_force, self.largest_force)

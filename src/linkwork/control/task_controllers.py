@@ -54,10 +54,16 @@ class TaskFollower(Controller):
 
     @abstractmethod
     def asked(self, own: TaskError, kp: ca.SX, kd: ca.SX) -> ca.SX:
-        """Return what is asked of the actuators; own: with the columns of the `leading` rates."""
+        """Return what is asked of the actuators; own: with the columns of the `leading` rates.
+
+        kp, kd: gains of the errors and of their rates, one for each coordinate of the task.
+        """
 
     def evaluated(self, t: Any, state: Observation) -> np.ndarray:
-        """Return the same (na) at a time, a number or the symbol."""
+        """Return the same (na) at a time, a number or the symbol.
+
+        t: the time [s] or its symbol; state: what is measured.
+        """
         self.dynamics.require_same_actuators(state)
         equations = self.model.equations
         names = labels(held_task(self.task))

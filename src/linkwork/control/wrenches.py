@@ -52,7 +52,10 @@ class Wrench(ActingPart):
                 )
 
     def in_ground(self, equations: Equations, wrench: ca.SX) -> ca.SX:
-        """Return (moment, force) (6) in the ground's axes."""
+        """Return (moment, force) (6) in the ground's axes.
+
+        equations: of the robot; wrench: (moment, force) (6) in the axes of `frame`.
+        """
         if self.frame == "ground":
             return wrench
         R = equations.tree.node(self.body).R.matrix
@@ -60,7 +63,10 @@ class Wrench(ActingPart):
 
     def on_rates(self, equations: Equations, wrench: ca.SX) -> ca.SX:
         """Return the generalised forces (n) of (moment, force) given in the ground's axes: L' J'
-        w."""
+        w.
+
+        equations: of the robot; wrench: (6), about the point where it acts.
+        """
         node = equations.tree.node(self.body)
         J = body_motion.jacobian(
             equations.tree, node, near_offset(node, np.array(self.point, float))
@@ -68,7 +74,10 @@ class Wrench(ActingPart):
         return ca.mtimes(equations.elimination.L.T, ca.mtimes(J.T, wrench))
 
     def about_centre(self, equations: Equations, wrench: ca.SX) -> tuple[str, ca.SX]:
-        """Return the body, and (moment, force) given in the ground's axes about its mass centre."""
+        """Return the body, and (moment, force) given in the ground's axes about its mass centre.
+
+        equations: of the robot; wrench: (6), about the point where it acts.
+        """
         centre = equations.mechanism.bodies[self.body].centre_of_mass
         node = equations.tree.node(self.body)
         arm = offset(node, np.array(self.point, float)) - offset(node, vector(centre))

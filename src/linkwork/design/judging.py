@@ -58,14 +58,23 @@ class Measure(ABC):
 
     @abstractmethod
     def states(self, robot: Robot) -> State:
-        """Return the configurations that count (K)."""
+        """Return the configurations that count (K).
+
+        robot: which is judged.
+        """
 
     @abstractmethod
     def points(self, robot: Robot, functions: CasadiFunctions) -> JudgedPoses:
-        """Return the measure as equations and margins."""
+        """Return the measure as equations and margins.
+
+        robot: which is judged; functions: its equations of motion, with what may change free.
+        """
 
     def unit(self, robot: Robot) -> str:
-        """Return the unit of the value, empty where it has none."""
+        """Return the unit of the value, empty where it has none.
+
+        robot: which is judged.
+        """
         return ""
 
     @property
@@ -129,7 +138,10 @@ class PeakForce(Measure):
         return "N" if robot.unit(robot.actuators[0]) == "m" else "N m"
 
     def motion(self, robot: Robot) -> Motion:
-        """Return the motion along the path."""
+        """Return the motion along the path.
+
+        robot: which is led.
+        """
         if len({robot.unit(name) for name in robot.actuators}) > 1:
             raise LinkworkError(
                 "some actuators turn and others slide, whose largest force is not one number; "

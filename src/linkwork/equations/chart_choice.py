@@ -47,6 +47,7 @@ def charts_at(
     at each.
 
     Args:
+        equations: of the tree whose rates are chosen from.
         Phi: the constraint Jacobian there (G x all rows x nv).
         preferred: rates that should be independent, as far as the configuration allows it well.
 
@@ -124,6 +125,7 @@ def chart_in(
     they determine no motion.
 
     Args:
+        equations: of the tree whose rates are chosen from.
         Phi: the constraint Jacobian there (all rows x nv).
         independent: n different rates.
         least: singular value from which on they determine the motion, over the smallest one at the

@@ -320,7 +320,10 @@ class Equations:
 
     def tree_forces(self, accelerations: ca.SX, gravity: ca.SX, passive: bool = True) -> ca.SX:
         """Return h (nv): the forces on the tree's rates that w' and the weight need beside springs
-        and friction."""
+        and friction.
+
+        accelerations: w' (nv); gravity: (3) [m/s^2]; passive: whether springs and friction count.
+        """
         wrenches = self.wrenches if passive else {}
         h = dynamics.inertia_forces(self.tree, self.rates, accelerations, gravity, wrenches)
         h += effects.rotor_forces(self.freedoms, self.tree, self.rates, accelerations)
@@ -328,14 +331,20 @@ class Equations:
 
     def bias_forces(self, gravity: ca.SX, passive: bool = True) -> ca.SX:
         """Return C v + G - f (n) under a given gravity, Eqs. (11), (12): L' (h + H b), where b is
-        zero but for b_d."""
+        zero but for b_d.
+
+        gravity: (3) [m/s^2]; passive: whether springs and friction count.
+        """
         L, b, _ = self.elimination
         forces = ca.mtimes(L.T, self.tree_forces(SX.zeros(self.nv), gravity, passive))
         dependent = list(self.chart.dependent)
         return forces + ca.mtimes(self.inertia[1].T, b[dependent]) if dependent else forces
 
     def accelerations(self, applied: ca.SX) -> ca.SX:
-        """Return v' (n), Eq. (9), under forces S' u (n) beside weight, springs and friction."""
+        """Return v' (n), Eq. (9), under forces S' u (n) beside weight, springs and friction.
+
+        applied: S' u.
+        """
         if not self.recursive:
             forces = applied - self.bias_forces(self.gravity)
             return solve_symmetric(self.inertia[0], forces)

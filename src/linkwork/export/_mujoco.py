@@ -95,15 +95,24 @@ class MujocoModel:
 
     def positions(self, data: Any) -> dict[str, float]:
         """Return coordinates by name [m, rad; 1 of quaternions] of the joints that the model holds,
-        as `Robot.assemble` and `Robot.state` take them. MuJoCo's loops are closed but softly."""
+        as `Robot.assemble` and `Robot.state` take them. MuJoCo's loops are closed but softly.
+
+        data: MuJoCo's MjData of the model.
+        """
         return self._read(data, 0)
 
     def rates(self, data: Any) -> dict[str, float]:
-        """Return rates by name [m/s, rad/s] of the joints that the model holds."""
+        """Return rates by name [m/s, rad/s] of the joints that the model holds.
+
+        data: MuJoCo's MjData of the model.
+        """
         return self._read(data, 1)
 
     def accelerations(self, data: Any) -> dict[str, float]:
-        """Return the accelerations of these rates by name [m/s^2, rad/s^2]: MuJoCo's qacc."""
+        """Return the accelerations of these rates by name [m/s^2, rad/s^2]: MuJoCo's qacc.
+
+        data: MuJoCo's MjData of the model, after a forward pass.
+        """
         return self._read(data, 2)
 
     def _read(self, data: Any, order: int) -> dict[str, float]:

@@ -160,7 +160,10 @@ class PinocchioModel:
         return self.rates(q, np.array(a))
 
     def positions(self, q: np.ndarray) -> dict[str, float]:
-        """Return the coordinates of the tree's joints by name [m, rad; 1 of quaternions]."""
+        """Return the coordinates of the tree's joints by name [m, rad; 1 of quaternions].
+
+        q: Pinocchio's configuration (nq).
+        """
         found: dict[str, float] = {}
         for joint in self.joints:
             own = np.asarray(q, float)[joint.q]
@@ -172,7 +175,10 @@ class PinocchioModel:
 
     def rates(self, q: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """Return the rates of the tree's joints by name [m/s, rad/s]; accelerations for v', which
-        turn by the same map."""
+        turn by the same map.
+
+        q: Pinocchio's configuration (nq); v: its velocity, or v' (nv).
+        """
         found: dict[str, float] = {}
         for joint in self.joints:
             own = np.asarray(v, float)[joint.v]

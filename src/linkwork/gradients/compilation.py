@@ -154,14 +154,21 @@ DIFFERENTIABLE: dict[str, Callable[[Equations], Differentiable]] = {
 
 
 def expressed(equations: Equations, what: str, form: Form) -> ca.Function:
-    """Return a derivative as a CasADi function, by what is differentiated and the form."""
+    """Return a derivative as a CasADi function, by what is differentiated and the form.
+
+    equations: whose rates count; what: a name of `DIFFERENTIABLE`; form: "jacobian", "jvp" or
+    "vjp".
+    """
     make = getattr(differentiable, form)
     return make(f"{what}_{form}", DIFFERENTIABLE[what](equations))
 
 
 def compiled(chart: CompiledChart, what: str, form: Form) -> Kernel:
     """Return the kernel of a derivative in a chart; its last input is p, the chart's if left
-    out."""
+    out.
+
+    chart: whose rates count; what: a name of `DIFFERENTIABLE`; form: "jacobian", "jvp" or "vjp".
+    """
     name = f"{what}_{form}"
     if form != "jacobian":
         return stored(chart, name, lambda equations: expressed(equations, what, form))

@@ -58,17 +58,26 @@ class RollingBall:
         return tuple(Extra(f"{self.name}.{part}", unit, 0.0) for part, unit in units.items())
 
     def place(self, state: Observation) -> np.ndarray:
-        """Return (x, y) [m]."""
+        """Return (x, y) [m].
+
+        state: of the run, with the ball's states.
+        """
         return math.array([state.extra(f"{self.name}.{part}") for part in ("x", "y")])
 
     def velocity(self, state: Observation) -> np.ndarray:
-        """Return (x', y') [m/s], relative to the body."""
+        """Return (x', y') [m/s], relative to the body.
+
+        state: of the run, with the ball's states.
+        """
         frame, normal, _, spin = self._motion(state)
         relative = math.cross(spin - self.radius * frame.angular_velocity, normal)
         return (frame.rotation.T @ relative)[:2]
 
     def rates(self, state: Observation) -> np.ndarray:
-        """Return the rates of the states (5)."""
+        """Return the rates of the states (5).
+
+        state: of the run, with the ball's states.
+        """
         frame, normal, velocity, spin = self._motion(state)
         turning = math.cross(frame.angular_velocity, normal)
         moment = math.cross(turning, velocity + math.cross(spin, normal))

@@ -221,7 +221,10 @@ class Kernel:
 
     def assembly(self, kind: Kind) -> str:
         """Return the assembly of the function for one state, for blocks of states, or for states
-        side by side."""
+        side by side.
+
+        kind: "one", "batch", "wide" ...: how many states a call evaluates.
+        """
         _, program, made = self._source(kind)
         return listing(program(), this_machine(), made)
 
@@ -272,7 +275,10 @@ class Kernel:
 
     def settle(self, evaluations: int = PAYS) -> None:
         """Compile what was interpreted, if it was evaluated so often; whoever has its
-        `early_address` calls the code from then on."""
+        `early_address` calls the code from then on.
+
+        evaluations: from how many on.
+        """
         if self._tapes and self._tapes[0].evaluations >= evaluations:
             self._module("one")
 

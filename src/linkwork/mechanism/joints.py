@@ -385,7 +385,10 @@ class GearJoint(JointBase):
         return tuple(label for label in self.ratios if any(self.polynomial(label)))
 
     def polynomial(self, label: str) -> tuple[float, ...]:
-        """Return the ratio of a coordinate, c_2, c_3 ..."""
+        """Return the ratio of a coordinate, c_2, c_3 ...
+
+        label: of the coordinate, as in `ratios` and `powers`.
+        """
         return (self.ratios[label], *self.powers.get(label, ()))
 
 

@@ -348,7 +348,10 @@ class Mechanism(Record, Portrayed):
 
     def save(self, path: str | Path) -> None:
         """Write the mechanism as a YAML file; `Mechanism.load` gives an equal mechanism back.
-        `linkwork.formats.save` writes MJCF, URDF and SDF."""
+        `linkwork.formats.save` writes MJCF, URDF and SDF.
+
+        path: of the file, whose name is none of another format.
+        """
         from linkwork.mechanism.files import write_yaml
 
         write_yaml(self, checks.file_path(path, "the path to save to"))
@@ -373,7 +376,10 @@ class Mechanism(Record, Portrayed):
 
     @classmethod
     def load(cls, path: str | Path) -> Mechanism:
-        """Read a mechanism from a YAML file; refusals name the file and the element."""
+        """Read a mechanism from a YAML file; refusals name the file and the element.
+
+        path: of a YAML file; model files of others are read by `linkwork.formats.load`.
+        """
         from linkwork.mechanism.files import read_yaml
 
         return read_yaml(checks.file_path(path, "the path of a mechanism file"))

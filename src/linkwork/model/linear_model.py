@@ -115,6 +115,7 @@ def linearise(
     this instant.
 
     Args:
+        robot: at the present values of its free numbers.
         state: one state, moving or at rest.
         forces: u of the actuators (actuators) [N, N m], or by name (others zero); zero if left out.
         outputs: names of joint coordinates and rates: "slide_1" for the coordinate, "slide_1 rate"

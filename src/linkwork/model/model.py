@@ -105,10 +105,14 @@ class Model(SetOnce):
 
     def unit(self, label: str) -> str:
         """Return the unit of a joint coordinate or rate (of a rate: per second): m, rad, or 1 for a
-        part of a quaternion."""
+        part of a quaternion.
+
+        label: of the coordinate, or of the rate.
+        """
         return self.labels.unit(label)
 
     def chart_of(self, state: State) -> CompiledChart:
+        """Return the chart whose rates a state, or a stack of them, holds."""
         return self.charts[state.independent]
 
     @cached_property
@@ -168,15 +172,24 @@ class Model(SetOnce):
 
     def leader_of_tool(self, asked: ToolAsked, kept: bool) -> Leader:
         """Return what leads the tool in task coordinates; kept: whether on the working mode of
-        where it begins."""
+        where it begins.
+
+        asked: values of task coordinates.
+        """
         return self._leader(asked, kept, True)
 
     def leader_of_joints(self, asked: JointsAsked) -> Leader:
-        """Return what leads joint coordinates, on the branch as far as they determine it."""
+        """Return what leads joint coordinates, on the branch as far as they determine it.
+
+        asked: values of joint coordinates.
+        """
         return self._leader(asked, self.determined_by(asked), False)
 
     def determined_by(self, asked: JointsAsked) -> bool:
-        """Tell whether joints are as many as determine the motion."""
+        """Tell whether joints are as many as determine the motion.
+
+        asked: values of the joints' coordinates.
+        """
         return len(asked.what) == self.mobility and not self.spins
 
     def _leader(self, asked: Asked, kept: bool, strict: bool) -> Leader:
@@ -191,7 +204,10 @@ class Model(SetOnce):
         return self._leaders[key]
 
     def least(self, asked: Asked, modes: ModeStages | None = None) -> Least:
-        """Return the steps of least squares towards what is asked."""
+        """Return the steps of least squares towards what is asked.
+
+        asked: of the tool or of joints; modes: which working mode is kept, if any.
+        """
         tree, rows = self.equations.tree, self.equations.rows
         return Least(self.kernel("assembly"), tree, rows.units, asked, modes or ModeStages())
 
@@ -220,12 +236,16 @@ class Model(SetOnce):
 
     def tool_poses(self, q: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
         """Return the tool's poses (x, y, angle) (..., 3) in the plane, or with rotation vectors
-        (..., 6), for the tree's coordinates (..., nq), and other free numbers where given."""
+        (..., 6), for the tree's coordinates (..., nq), and other free numbers where given.
+
+        q: the tree's coordinates [m, rad]; p: values of the free numbers; the robot's if left out.
+        """
         self.require_tool()
         kernel = values_kernel(self.chart, POSES[self.planar])
         return kernel(q, self.p if p is None else p)[0]
 
     def make_state(self, q: np.ndarray, v: np.ndarray) -> State:
+        """Return the state of tree coordinates q (..., nq) and rates v (..., n) of this chart."""
         q = np.ascontiguousarray(q)
         (positions,) = self.kernel("positions")(q)
         return State(positions, np.ascontiguousarray(v), q, self.coordinates, self.independent)
@@ -239,6 +259,7 @@ class Model(SetOnce):
         return self.labels.windings(state.positions, read)
 
     def own(self, state: State) -> State:
+        """Return a state for this robot; refuse the state of another one."""
         if not (isinstance(state, State) and state.coordinates is self.coordinates):
             checks.refuse_foreign(state, self.coordinates, self.charts)
             gap = float(self.kernel("closure_step")(state.q)[1].max(initial=0.0))

@@ -87,7 +87,10 @@ class State(ReadOnlyArrays):
         return State(self.positions, values, self.q, self.coordinates, self.independent)
 
     def at(self, index: int | slice | np.ndarray) -> State:
-        """Return some of the stacked states."""
+        """Return some of the stacked states.
+
+        index: into the leading dimensions, as NumPy takes it.
+        """
         if not self.batch:
             raise LinkworkError("this is one state, not a stack of states; it has no index")
         try:

@@ -69,6 +69,8 @@ class Profile:
         """Return the largest absolute values (d,) of a derivative, 0 of the coordinates themselves.
 
         They are at the ends of a piece or where the next derivative vanishes inside it.
+
+        order: of the derivative by time.
         """
         pieces = self.derivatives[order] if order <= self.degree else 0 * self.coefficients[:, :1]
         lengths = np.diff(self.knots)

@@ -164,7 +164,10 @@ class Dynamics(Kinematics):
         return linearise(self, state, forces, outputs=outputs, inputs=inputs)
 
     def linearised(self, state: State, forces: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Return A and B of `linearise`, by its former name."""
+        """Return A and B of `linearise`, by its former name.
+
+        state, forces: as there.
+        """
         moved.warn("Robot.linearised", "Robot.linearise, whose model holds A and B,")
         model = self.linearise(state, forces)
         return model.A, model.B
@@ -221,7 +224,11 @@ class Dynamics(Kinematics):
         self, state: State, *, threads: int | None = 1
     ) -> MassMatrixDerivatives:
         """Return M and its exact derivatives with respect to q and p, as
-        `forward_dynamics_derivatives`."""
+        `forward_dynamics_derivatives`.
+
+        state: one or a stack (...); threads: over which a large stack is dealt, all processors if
+        None.
+        """
         return derivatives.mass_matrix_derivatives(self, state, threads)
 
     def mass_matrix(self, state: State) -> np.ndarray:

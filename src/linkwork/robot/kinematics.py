@@ -127,7 +127,11 @@ class Kinematics(Model):
         return self._led(state, what)[0]
 
     def task_rates(self, state: State, what: Sequence[str] | None = None) -> np.ndarray:
-        """Return x' = J v (..., k) [m/s, rad/s] of the tool's task coordinates; as `jacobian`."""
+        """Return x' = J v (..., k) [m/s, rad/s] of the tool's task coordinates; as `jacobian`.
+
+        state: one or a stack (...); what: names of task coordinates; those of the tool's task if
+        left out.
+        """
         return self._led(state, what)[1]
 
     def task_accelerations(
@@ -137,7 +141,11 @@ class Kinematics(Model):
         what: Sequence[str] | None = None,
     ) -> np.ndarray:
         """Return x'' = J v' + J' v (..., k) [m/s^2, rad/s^2] of the tool's task coordinates, for
-        accelerations v' (..., n) of the state's `independent` rates; as `jacobian`."""
+        accelerations v' (..., n) of the state's `independent` rates; as `jacobian`.
+
+        state: one or a stack (...); what: names of task coordinates; those of the tool's task if
+        left out.
+        """
         return self._led(state, what, accelerations)[2]
 
     def tool_twist(self, state: State) -> np.ndarray:
@@ -172,6 +180,9 @@ class Kinematics(Model):
     def tool_derivatives(self, state: State, *, threads: int | None = 1) -> ToolDerivatives:
         """Return how the tool's pose and twist change with q, v and p, exact and loops closed, as
         `closure_derivatives`.
+
+        state: one or a stack (...); threads: over which a large stack is dealt, all processors if
+        None.
 
         Raises:
             LinkworkError: as there; no tool.

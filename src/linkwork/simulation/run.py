@@ -380,7 +380,10 @@ class Run(Portrayed):
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read a run that `save` wrote as .nc; raise `LinkworkError` if the file is missing or
-        holds no run."""
+        holds no run.
+
+        path: of the file, which ends in .nc.
+        """
         path = file_path(path, "the path of a run")
         variables, coords, attrs = read_netcdf(path)
         try:

@@ -21,7 +21,10 @@ __all__ = ["StepError", "Stepper", "Steppers", "made"]
 def made(
     robot: Model, state: Any, dt: float, forces: Any, options: Mapping[str, Any]
 ) -> Stepper | Steppers:
-    """Return a stepper, or steppers of a stack of states: see `Robot.stepper`."""
+    """Return a stepper, or steppers of a stack of states: see `Robot.stepper`.
+
+    robot, state, dt, forces, options: as there, the last by name.
+    """
     if not (isinstance(state, State) and state.batch):
         known(options, named(Stepper), "option of a stepper")
         return Stepper(robot, state, dt, forces, **options)

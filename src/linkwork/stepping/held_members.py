@@ -163,7 +163,10 @@ class HeldMembers:
         self._seen[who] = other._seen[there]
 
     def independent(self, index: int) -> tuple[str, ...]:
-        """Return the names of the rates that v holds of a member."""
+        """Return the names of the rates that v holds of a member.
+
+        index: of the member.
+        """
         return self.chart(self._one(index)).independent
 
     def _enter(self, chart: CompiledChart, who: np.ndarray, y: np.ndarray) -> None:
@@ -197,7 +200,10 @@ class HeldMembers:
         return self._batch.system
 
     def chart(self, i: int) -> CompiledChart:
-        """Return the chart of a member."""
+        """Return the chart of a member.
+
+        i: its index.
+        """
         return next(chart for number, chart in self._charts.values() if number == self._of[i])
 
     def _shared(self, work: Callable[[np.ndarray], Any], who: np.ndarray) -> list[Any]:

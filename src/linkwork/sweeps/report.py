@@ -185,7 +185,10 @@ def rows_of(
 
 
 def write(store: Store, found: Summary, folder: Path) -> list[Path]:
-    """Write table.csv and plots.svg into a folder; return their paths."""
+    """Write table.csv and plots.svg into a folder; return their paths.
+
+    store: of the results; found: what is told of them; folder: which is there.
+    """
     from linkwork.views.style import svg
 
     table, plots = folder / TABLE, folder / PLOTS

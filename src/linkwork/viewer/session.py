@@ -280,7 +280,10 @@ class Session:
         return self.live is not None or self.goal is not None or self.player.playing
 
     def advance(self, seconds: float) -> bool:
-        """Let time pass; return whether anything moved."""
+        """Let time pass; return whether anything moved.
+
+        seconds: so many.
+        """
         if self.live is not None:
             return self.go_on(self.live, seconds)
         if self.goal is not None:
@@ -412,14 +415,20 @@ class Session:
 
     def arrows(self, kind: str, u: np.ndarray | None) -> ArrowLines:
         """Return the arrows of one kind, the largest of the run (or, while posing, of the pose)
-        drawn in full."""
+        drawn in full.
+
+        kind: one of `KINDS`; u: forces of the actuators [N, N m], None where there are none.
+        """
         vectors = self.of_kind(kind, self.state, u)
         largest = self.largest[kind] if self.following else vectors.largest()
         return drawn(vectors, largest, self.parts.size)
 
     def of_kind(self, kind: str, state: State, u: np.ndarray | None) -> Arrows:
         """Return the vectors of one kind; none where they are not defined
-        (a singular configuration)."""
+        (a singular configuration).
+
+        kind, u: as of `arrows`; state: one of the robot.
+        """
         try:
             if kind == "velocities":
                 return self.vectors.velocities(state)

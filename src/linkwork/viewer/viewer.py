@@ -140,7 +140,11 @@ class Viewer:
 
     def go_on(self, controller: str, forces: dict[str, float], body: str) -> None:
         """Simulate from the present pose for as long as one watches, a hand at a body; where that
-        goes on, end it and play it from the start."""
+        goes on, end it and play it from the start.
+
+        controller: one of those that are offered; forces: of the actuators by name [N, N m]; body:
+        its name.
+        """
 
         def toggle() -> None:
             live = self.session.live
@@ -232,7 +236,10 @@ class Viewer:
         return look
 
     def measure(self, name: str) -> None:
-        """Tell a measure of `named_dexterity` of the pose, if it is defined for this robot."""
+        """Tell a measure of `named_dexterity` of the pose, if it is defined for this robot.
+
+        name: of the measure.
+        """
 
         def prepare() -> Callable[[], None]:
             require_measure(self.session.robot, name)
@@ -241,13 +248,19 @@ class Viewer:
         self.post(lambda: self._work(f"preparing the {name}", prepare))
 
     def show_branch(self, index: int) -> None:
-        """Show one of the configurations that were found last."""
+        """Show one of the configurations that were found last.
+
+        index: its number, from 0 on.
+        """
         self.post(
             lambda: self.session.show(self.branches[index]) if index < len(self.branches) else None
         )
 
     def look(self, client: ClientHandle, name: str) -> None:
-        """Let one browser look from one of `cameras.CAMERAS`."""
+        """Let one browser look from one of `cameras.CAMERAS`.
+
+        client: the browser; name: of the view.
+        """
 
         def turn() -> None:
             followed = self.panels.followed.value
@@ -256,7 +269,10 @@ class Viewer:
         self.post(turn)
 
     def save(self, client: ClientHandle, kind: str) -> None:
-        """Hand one browser a file of what is shown, one of `saving.FILES`."""
+        """Hand one browser a file of what is shown, one of `saving.FILES`.
+
+        client: the browser; kind: of the file.
+        """
         self.post(lambda: self._work(f"saving the {kind.lower()}", self._saved(client, kind)))
 
     def _saved(self, client: ClientHandle, kind: str) -> Callable[[], Callable[[], None]]:
@@ -273,7 +289,11 @@ class Viewer:
         return carry_out
 
     def simulate(self, controller: str, forces: dict[str, float], duration: float) -> None:
-        """Simulate from the present pose and play the run."""
+        """Simulate from the present pose and play the run.
+
+        controller: one of those that are offered; forces: of the actuators by name [N, N m];
+        duration: [s].
+        """
         self.post(lambda: self._work("simulating", self._run_of(controller, forces, duration)))
 
     def _run_of(
@@ -342,7 +362,10 @@ class Viewer:
             self._stopped.wait(max(0.0, FRAME - (monotonic() - now)))
 
     def tick(self, wishes: list[Callable[[], None]], seconds: float, now: float) -> None:
-        """Carry out wishes, let time pass, and show what has changed."""
+        """Carry out wishes, let time pass, and show what has changed.
+
+        wishes: what browsers asked for; seconds: since the last tick; now: the time of a clock [s].
+        """
         for wish in wishes:
             self._attempt(wish)
         moved = self.session.advance(seconds)
@@ -362,7 +385,10 @@ class Viewer:
             self.session.notice = FAILED
 
     def refresh(self, now: float) -> None:
-        """Show what is to be seen."""
+        """Show what is to be seen.
+
+        now: the time of a clock [s].
+        """
         view, texts = self.session.view(), now - self.last_texts > TEXTS
         with self.server.atomic():
             self.stage.show(view.placement)

@@ -81,7 +81,11 @@ class Engine(Protocol):
         self, positions: np.ndarray, rates: np.ndarray, forces: np.ndarray
     ) -> np.ndarray:
         """Return the derivatives of all joint rates in the order of `mechanism.rates`, shape
-        (nv,)."""
+        (nv,).
+
+        positions: of all joints (m,) [m, rad]; rates: of all joints (nv,) [m/s, rad/s]; forces: of
+        the actuators (n,) [N, N m].
+        """
         ...
 
     def simulate(
@@ -90,6 +94,9 @@ class Engine(Protocol):
         """Return the motion from a state with steps of `step` seconds up to `duration`.
 
         `forces` are constant, shape (n,), or a function of time that returns them.
+
+        positions: of all joints (m,) [m, rad]; rates: of all joints (nv,) [m/s, rad/s]; duration,
+        step: [s].
         """
         ...
 
