@@ -3,9 +3,24 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated, Any
+from collections.abc import Iterable
+from inspect import Parameter, Signature, cleandoc
+from textwrap import fill
+from types import NoneType, UnionType
+from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    ValidationError,
+    WithJsonSchema,
+)
+from pydantic.fields import FieldInfo
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from linkwork.mechanism.refusal import PLAIN, VANISHES, MechanismError, first_refusal, shown
 
@@ -46,10 +61,86 @@ Component = Annotated[float, Field(ge=-HUGE, le=HUGE, allow_inf_nan=False), PLAI
 Vector3 = tuple[Component, Component, Component]
 
 
+class Written(str):
+    """Text that a signature shows as it is."""
+
+    __slots__ = ()
+    __repr__ = str.__str__
+
+
+def plain_type(kind: Any) -> Written:
+    """Return a type as it is written without what is checked of it."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return plain_type(inner[0])
+    if origin is Literal:
+        return Written(" | ".join(map(repr, inner)))
+    told = ["..." if each is Ellipsis else plain_type(each) for each in inner]
+    if origin in (Union, UnionType):
+        return Written(" | ".join(told))
+    if origin is not None:
+        return Written(f"{origin.__name__}[{', '.join(told)}]")
+    return Written("None" if kind is NoneType else getattr(kind, "__name__", str(kind)))
+
+
+def left_out(field: FieldInfo) -> Any:
+    """Return what a field is where it is left out; empty where it may not be."""
+    if field.is_required():
+        return Parameter.empty
+    return field.get_default(call_default_factory=True)
+
+
+class Fields:
+    """The signature of a record, made when it is asked for: its fields with their plain types."""
+
+    def __get__(self, instance: Any, record: type[Record]) -> Signature:
+        told = [
+            Parameter(
+                name,
+                Parameter.KEYWORD_ONLY,
+                default=left_out(field),
+                annotation=plain_type(field.annotation),
+            )
+            for name, field in record.model_fields.items()
+        ]
+        return Signature(told, return_annotation=None)
+
+
 class Record(BaseModel):
     """A frozen piece of a description; unknown fields are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    own_doc: ClassVar[str] = ""
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **options: Any) -> None:
+        """Let its signature be plain, and its docstring end with its fields."""
+        super().__pydantic_init_subclass__(**options)
+        cls.__signature__ = Fields()  # pyright: ignore[reportAttributeAccessIssue]
+        cls.own_doc = cleandoc(cls.__doc__ or "")
+        told = (
+            fill(
+                f"{name}: {field.description}", 96, initial_indent="    ", subsequent_indent=" " * 8
+            )
+            for name, field in cls.model_fields.items()
+            if field.description
+        )
+        cls.__doc__ = "\n".join([cls.own_doc, "", "Args:", *told])
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Describe the record by its own docstring: the schema tells its fields apart."""
+        found = handler(core_schema)
+        handler.resolve_ref_schema(found)["description"] = cls.own_doc
+        return found
+
+    def __repr_args__(self) -> Iterable[tuple[str | None, Any]]:
+        """Tell what is not left out."""
+        for name, field in type(self).model_fields.items():
+            if (value := getattr(self, name)) != left_out(field):
+                yield name, value
 
     def __init__(self, /, **fields: Any) -> None:
         try:
