@@ -245,6 +245,8 @@ def test_weights_of_another_shape_are_refused():
         lw.LinkworkError, match=r"the weights Q have the shape \(3,\); give 2 numbers, or 2 x 2"
     ):
         LQR.about(cart(), cart().home, [1, 2, 3], [1])
+    with pytest.raises(lw.LinkworkError, match="the model of a controller is a State; give a"):
+        LQR.about(cart().home, cart(), [1, 2], [1])  # pyright: ignore
 
 
 @pytest.mark.parametrize(

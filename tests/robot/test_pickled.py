@@ -102,3 +102,14 @@ def test_a_run_that_a_callback_ended_keeps_what_was_raised():
     other = pickle.loads(pickle.dumps(run))
     assert isinstance(other.error, ValueError) and other.status is lw.Status.CALLBACK_FAILED
     assert alike(run, other)
+
+
+def test_ensembles_say_what_to_send_in_their_place():
+    robot = lw.Robot("pendulum")
+    many = robot.ensemble(robot.state({"hinge_1": [0.1, 0.2]}), duration=0.1)
+    none = robot.ensemble(robot.state({"hinge_1": np.zeros(0)}), duration=0.1)
+    assert repr(many) == "Ensemble(2 members; FINISHED: 2)"
+    assert repr(none) == "Ensemble(0 members)"
+    for ask in (pickle.dumps, copy.copy):
+        with pytest.raises(lw.LinkworkError, match=r"send ensemble\.dataset, ensemble\.final or"):
+            ask(many)

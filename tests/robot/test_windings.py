@@ -110,6 +110,15 @@ def test_a_run_goes_on_with_its_turns(bennett, tmp_path):
         bennett.resume(foreign, duration=1.0)
 
 
+def test_members_that_save_nothing_have_no_turns_to_find(bennett):
+    """Their table holds how they ended, and takes no run again."""
+    states = bennett.state(np.tile(bennett.home.positions, (3, 1)), [[20.0], [-15.0], [5.0]])
+    many = bennett.ensemble(states, duration=0.5)
+    object.__setattr__(many, "_again", None)
+    assert many.dataset["joint_position"].shape == (3, 0, 4)
+    assert (many.dataset["status"].values == "FINISHED").all()
+
+
 def test_members_have_turns_of_their_own(bennett):
     """A member's angles are those of its run alone."""
     given = bennett.home.positions + TURN * np.outer([0, 1, -2], [0, 1, 3, 0])

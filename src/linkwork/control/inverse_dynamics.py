@@ -19,7 +19,7 @@ import numpy as np
 
 from linkwork import math
 from linkwork.control.observation import Observation
-from linkwork.control.plant import Plant
+from linkwork.control.plant import Plant, require_plant
 from linkwork.equations import Equations, bearings
 from linkwork.equations.algebra import matrix_quaternion
 from linkwork.equations.symmetric import solve_symmetric
@@ -34,10 +34,7 @@ class InverseDynamics:
     robot: Plant
 
     def __post_init__(self) -> None:
-        if not isinstance(self.robot, Plant):
-            raise LinkworkError(
-                f"the model of a controller is a {type(self.robot).__name__}; give a linkwork.Robot"
-            )
+        require_plant(self.robot)
 
     @cached_property
     def function(self) -> ca.Function:

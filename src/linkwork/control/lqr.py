@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from linkwork import checks, math
 from linkwork.control.controllers import Controller, Form
 from linkwork.control.observation import Observation
-from linkwork.control.plant import Linearised, Posture
+from linkwork.control.plant import Linearised, Posture, require_plant
 from linkwork.control.records import Number
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.record import Amount, Positive
@@ -88,6 +88,7 @@ class LQR(Controller):
         """
         from scipy.linalg import LinAlgError, solve_continuous_are
 
+        require_plant(robot)
         # x = (position - pose, rates) needs coordinates whose derivatives the rates are.
         if not robot.actuators:
             raise LinkworkError(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.equations import Equations
+from linkwork.errors import LinkworkError
 from linkwork.mechanism.task import TaskCoordinate
 from linkwork.paths import Path
 
@@ -104,3 +105,11 @@ class Linearised(Plant, Protocol):
     def holding_forces(self, state: Any) -> np.ndarray: ...
 
     def linearise(self, state: Any, forces: ArrayLike) -> StateSpace: ...
+
+
+def require_plant(model: object) -> None:
+    """Refuse what is no robot, as arguments that are swapped are."""
+    if not isinstance(model, Plant):
+        raise LinkworkError(
+            f"the model of a controller is a {type(model).__name__}; give a linkwork.Robot"
+        )

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -109,7 +109,13 @@ class Ensemble(ReadOnlyArrays, Portrayed):
     def __repr__(self) -> str:
         found, counts = np.unique(self.status, return_counts=True)
         ways = ", ".join(f"{Status(s).name}: {k}" for s, k in zip(found, counts, strict=True))
-        return f"Ensemble({amount(len(self), 'member')}; {ways})"
+        return f"Ensemble({amount(len(self), 'member')}{'; ' * bool(ways)}{ways})"
+
+    def __reduce__(self) -> NoReturn:
+        raise LinkworkError(
+            "ensembles cannot be copied or pickled: they run members again by compiled code; send "
+            "ensemble.dataset, ensemble.final or ensemble.run(member)"
+        )
 
     @cached_property
     def final(self) -> State:
@@ -268,7 +274,7 @@ class Ensemble(ReadOnlyArrays, Portrayed):
     def turned(self, time: np.ndarray, read: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """Return coordinates of all joints (N, K, m) that are read off the tree's with their whole
         turns (`following`)."""
-        if not self.members.robot.labels.may_wind:
+        if not (self.members.robot.labels.may_wind and time.size):
             return read
         windings = following.of_members(self.members, time, read, rates, self.steps, self._again)
         return self.members.robot.labels.turned(read, windings)
