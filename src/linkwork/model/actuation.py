@@ -90,6 +90,8 @@ def internal_forces(S: np.ndarray, weights: np.ndarray) -> np.ndarray:
         return np.zeros((0, 0))
     left, values, _ = np.linalg.svd(S)
     rank = int((values > DRIVEN * values.max(initial=0.0)).sum())
+    if rank == len(S):
+        return np.zeros((rank, 0))
     root = np.sqrt(weights)[:, None]
     Q, R = np.linalg.qr(root * left[:, rank:])
     return Q * np.sign(np.diag(R)) / root

@@ -151,9 +151,14 @@ def borne(
 def own_units(robot: Model, state: State) -> actuation.Units:
     """Return the mechanism's own units of the actuated rates and of a state's independent ones, but
     for the time."""
+    return robot.once(units_in, state.independent)
+
+
+def units_in(robot: Model, independent: tuple[str, ...]) -> actuation.Units:
+    """Return the same of independent rates by their names."""
     length = robot.equations.tree.length
     driven = np.array([length if robot.unit(name) == "m" else 1.0 for name in robot.actuators])
-    return actuation.Units(driven, robot.chart_of(state).units[robot.equations.nq :])
+    return actuation.Units(driven, robot.charts[independent].units[robot.equations.nq :])
 
 
 def of_actuators(

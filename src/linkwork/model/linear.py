@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
+from threading import Lock
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -28,17 +29,17 @@ def linearised(robot: Model, values: Mapping[str, np.ndarray]) -> tuple[np.ndarr
     """Return A (2n x 2n) and B (2n x actuators) of x' = A x + B du, x = (xi, dv), from what
     `evaluated` gives."""
     n = robot.mobility
-    A = np.block([[values["Gamma"], np.eye(n)], [values["f_xi"], values["f_v"]]])
-    return A, np.vstack([np.zeros((n, len(robot.actuators))), values["f_u"]])
+    A, B = np.eye(2 * n, k=n), np.zeros((2 * n, len(robot.actuators)))
+    A[:n, :n], A[n:, :n], A[n:, n:] = values["Gamma"], values["f_xi"], values["f_v"]
+    B[n:] = values["f_u"]
+    return A, B
 
 
 def evaluated(robot: Model, state: State, u: np.ndarray) -> dict[str, np.ndarray]:
     """Return the derivatives at one state and force, by name; refuse stacks, and where the
     accelerations are undefined."""
     q, v = one_state(robot, state)
-    function = kept(ordered(robot, robot.chart_of(state), q))
-    values = function(q, v, u, robot.p)
-    found = dict(zip(function.name_out(), (np.array(value) for value in values), strict=True))
+    found = kept(ordered(robot, robot.chart_of(state), q))(q, v, u, robot.p)
     pivot = found.pop("pivot")
     if not abs(float(pivot[0, 0])) > checks.PIVOT_BOUND:
         raise checks.singular(state.independent, pivot[0])
@@ -48,9 +49,34 @@ def evaluated(robot: Model, state: State, u: np.ndarray) -> dict[str, np.ndarray
 
 
 @lru_cache(maxsize=32)
-def kept(chart: CompiledChart) -> ca.Function:
+def kept(chart: CompiledChart) -> InPlace:
     """Return the derivatives in a chart."""
-    return derivatives(chart.equations)
+    return InPlace(derivatives(chart.equations))
+
+
+class InPlace:
+    """Evaluate a function with dense outputs as CasADi does, between vectors that are kept."""
+
+    def __init__(self, function: ca.Function):
+        self._buffer, self._evaluate = function.buffer()
+        self._given = [np.empty(function.nnz_in(i)) for i in range(function.n_in())]
+        self._found = [np.empty(function.nnz_out(i)) for i in range(function.n_out())]
+        for i, part in enumerate(self._given):
+            self._buffer.set_arg(i, part.data)  # pyright: ignore[reportCallIssue]
+        for i, part in enumerate(self._found):
+            self._buffer.set_res(i, part.data)  # pyright: ignore[reportCallIssue]
+        shapes = [function.size_out(i) for i in range(function.n_out())]
+        self._shapes = dict(zip(function.name_out(), shapes, strict=True))
+        self._lock = Lock()
+
+    def __call__(self, *given: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the outputs, matrices, by name."""
+        with self._lock:
+            for part, values in zip(self._given, given, strict=True):
+                part[:] = values
+            self._evaluate()
+            outputs = zip(self._shapes.items(), self._found, strict=True)
+            return {name: part.reshape(shape, order="F").copy() for (name, shape), part in outputs}
 
 
 def holding_forces(robot: Model, state: State) -> np.ndarray:
@@ -60,11 +86,14 @@ def holding_forces(robot: Model, state: State) -> np.ndarray:
     Raises:
         LinkworkError: a stack of states; a pose that no forces of the actuators hold.
     """
-    still = at_rest(state)
-    one_state(robot, still)
+    one_state(robot, state)
     if not robot.actuators:
         return np.zeros(0)
-    S, (_, _, G, f) = evaluation.actuation_map(robot, still), evaluation.terms(robot, still)
+    still = at_rest(state)
+    _, _, G, f = evaluation.terms(robot, still)
+    if still.independent == robot.actuators:
+        return G - f
+    S = evaluation.actuation_map(robot, still)
     units = evaluation.own_units(robot, still)
     u = (
         actuation.least_forces(units.map(S), (G - f) * units.rates, 1 / units.actuators**2)

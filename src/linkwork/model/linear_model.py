@@ -136,7 +136,9 @@ def linearise(
     wanted = names if outputs is None else checks.names(outputs, "outputs")
     acting = robot.actuators if inputs is None else checks.names(inputs, "inputs")
     led = Led.of(robot, state, (*wanted, *acting))
-    C = np.array([output_row(robot, values, led, name, n) for name in wanted]).reshape(-1, 2 * n)
+    C = np.zeros((len(wanted), 2 * n))
+    for row, name in zip(C, wanted, strict=True):
+        row[:n], row[n:] = output_row(robot, values, led, name)
     units = own_units(robot, state)
     own = np.tile(units.rates, 2), 1 / units.actuators
     if inputs is not None:
@@ -194,14 +196,17 @@ def input_column(robot: Model, state: State, B: np.ndarray, led: Led, name: str)
 
 
 def output_row(
-    robot: Model, values: Mapping[str, np.ndarray], led: Led, name: str, n: int
-) -> np.ndarray:
-    """Return the row of C (2 n) of a coordinate or rate of a joint, or of the tool."""
+    robot: Model, values: Mapping[str, np.ndarray], led: Led, name: str
+) -> tuple[ArrayLike, ArrayLike]:
+    """Return the row of C of a coordinate or rate of a joint, or of the tool: its parts (n) for xi
+    and for dv."""
     moved = name.removesuffix(" rate")
     if moved in led.rows:
         row, bent = led.rows[moved]
     else:
-        known = (*robot.rates, *(f"{rate} rate" for rate in robot.rates))
-        checks.known((name,), known, "output")
-        row, bent = (values[part][robot.rates.index(moved)] for part in ("L", "L_xi"))
-    return np.append(row, np.zeros(n)) if name == moved else np.append(bent, row)
+        if moved not in robot.rates:
+            known = (*robot.rates, *(f"{rate} rate" for rate in robot.rates))
+            checks.known((name,), known, "output")
+        k = robot.rates.index(moved)
+        row, bent = values["L"][k], values["L_xi"][k]
+    return (row, 0.0) if name == moved else (bent, row)

@@ -32,16 +32,23 @@ def state(
     threads: int | None = 1,
 ) -> State:
     """Make a state from the coordinates of all joints: `Robot.state`."""
+    # What nothing is doubtful about is read off at once.
     checks.positive(tolerance, "the tolerance")
+    if type(positions) is not np.ndarray:
+        positions = checks.values_by_name(
+            positions, robot.coordinates, "positions", "joint coordinate"
+        )
     told = undoubted(robot, positions, tolerance, number_of(threads))
     if told is not None:
-        v = np.zeros(robot.mobility) if rates is None else independent_rates(robot, rates, told.q)
-        batch = checks.together(told.q.shape[:-1], v.shape[:-1])
-        read, v, q = (
-            np.ascontiguousarray(np.broadcast_to(x, (*batch, x.shape[-1])))
-            for x in (told.read, v, told.q)
-        )
+        (q, read), v = told, independent_rates(robot, rates, told.q)
+        if q.ndim > 1 or v.ndim > 1:
+            batch = checks.together(q.shape[:-1], v.shape[:-1])
+            read, v, q = (
+                np.ascontiguousarray(np.broadcast_to(x, (*batch, x.shape[-1])))
+                for x in (read, v, q)
+            )
         return State(read, v, q, robot.coordinates, robot.independent)
+    # Loops that are open by little are closed; what is open by more is refused.
     given = checks.values_by_name(positions, robot.coordinates, "positions", "joint coordinate")
     q = of_tree(robot, given)
     closure_step = robot.kernel("closure_step")
@@ -52,6 +59,7 @@ def state(
     if widest > CLOSED:
         q, gap = settled(closure_step, q, robot.p)
         require_closing(robot, q, gap)
+    # Coordinates agree with the closed configuration, but for whole turns, which are kept.
     made, labels = stacked(robot, q, rates), robot.labels
     windings, mismatch = labels.compared(given, made.positions)
     if not mismatch.max(initial=0.0) <= 10 * tolerance:

@@ -1,4 +1,4 @@
-"""Stacks: many states at once, where nothing about them is doubtful.
+"""Stacks: states, one or many at once, where nothing about them is doubtful.
 
 One kernel goes through the coordinates of all joints once: it reads off the tree's, tells how far
 the loops are open, and by how much the coordinates contradict each other. Quaternions may have any
@@ -32,7 +32,7 @@ class Told(NamedTuple):
 def undoubted(robot: Model, given: Any, tolerance: float, threads: int) -> Told | None:
     """Return what coordinates of all joints (..., m) tell, if they close all loops, agree with each
     other within the tolerance, and hold no turns of their own; else None."""
-    plain = type(given) is np.ndarray and given.ndim > 1 and given.dtype == np.float64
+    plain = type(given) is np.ndarray and given.ndim > 0 and given.dtype == np.float64
     if not (plain and given.size and given.shape[-1] == len(robot.coordinates)):
         return None
     equations = robot.equations
