@@ -25,7 +25,7 @@ def test_signatures_are_those_of_the_source():
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda record: record.__name__)
 def test_every_field_is_told_with_its_plain_type(record):
-    signature, told = inspect.signature(record), inspect.getdoc(record)
+    signature, told = inspect.signature(record), inspect.getdoc(record) or ""
     assert [*signature.parameters] == [*record.model_fields]
     assert not any(word in str(signature) for word in ("Annotated", "Validator", "Undefined"))
     for name, field in record.model_fields.items():
