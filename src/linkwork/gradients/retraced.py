@@ -72,11 +72,15 @@ class Sampling(NamedTuple):
 
 class Aside(NamedTuple):
     """How far off a break of what acts the slopes of its own side are taken: steps end before it
-    and begin after it [s], these in a state moved along the motion [s]."""
+    and begin after it [s], these in a state moved along the motion [s].
+
+    earlier: how much earlier the last step before it begins [s], along the motion as well
+    """
 
     ends: float
     begins: float
     moved: float
+    earlier: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -383,15 +387,27 @@ class OfSegment:
         g_y y' moved - g_t begins = (g_y y' + g_t) begins. At a jump, and at a kink that is one of
         time, they go along the motion, and the gap is within rounding.
         """
-        before, behind = np.diff(self.t[row - 1 : row + 2])
+        behind = self.t[row + 1] - self.t[row]
         state = self.state(row, self.held[row], from_left=True)
         slope = self.slope(state.y[0], state.u[0])[:-1]
         of_state, of_time = self.whole.by_state_and_time(self.chart, state, event, slope)
-        near = min(max(OFF_JUMPS * behind, TICKS * self.t[row]), before / 2)
         if row in self.jumps or not abs(of_state) > OF_TIME * abs(of_time):
-            return Aside(ends=near, begins=near, moved=near)
-        off = min((STIFFLY_OFF if self.stiff else OFF_KINKS) * behind, before / 2)
-        return Aside(ends=off, begins=-off, moved=off * (1 + 2 * of_time / of_state))
+            near, earlier = self.room(row, max(OFF_JUMPS * behind, TICKS * self.t[row]))
+            return Aside(ends=near, begins=near, moved=near, earlier=earlier)
+        off, earlier = self.room(row, (STIFFLY_OFF if self.stiff else OFF_KINKS) * behind)
+        moved = off * (1 + 2 * of_time / of_state)
+        return Aside(ends=off, begins=-off, moved=moved, earlier=earlier)
+
+    def room(self, row: int, off: float) -> tuple[float, float]:
+        """Return how far before a break the last step may end, `off` at most, and how much earlier
+        it begins for that: it would begin within the break where it is as short, as one is that is
+        left of a step that ended within rounding before it."""
+        if self.t[row] - self.t[row - 1] > 2 * off:
+            return off, 0.0
+        fixed = {0, *self.acts, *self.breaks}
+        if row - 1 in fixed or self.t[row - 1] - self.t[row - 2] <= 2 * off:
+            return min(off, (self.t[row] - self.t[row - 1]) / 2), 0.0
+        return off, off
 
     def beside_breaks(self, a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
         """Return times and states of the rows from a to b, so that slopes are those of the own
@@ -403,6 +419,9 @@ class OfSegment:
             t[0] += aside.begins
         if b in self.asides:
             t[-1] -= self.asides[b].ends
+            if (earlier := self.asides[b].earlier) > 0:
+                slope = self.slope(y[-2], self.state(b - 1, self.held[b - 1]).u[0])[:-1]
+                t[-2], y[-2] = t[-2] - earlier, y[-2] - earlier * slope
         return t, y
 
     @cached_property

@@ -99,7 +99,9 @@ def again(made: Compared, state: State, samples: int | np.ndarray | None) -> Run
     passage = replace(passage, settings=settings, interruptible=False)
     leading = passage
     if passage.system.faults:  # it was interrupted: it is to come as far, not further
-        leading = replace(passage, system=replace(passage.system, faults=[]), end=last)
+        taken = sum(part.trajectory.steps + part.trajectory.rejected for part in made.segments)
+        system, settings = replace(passage.system, faults=[]), settings.but(max_steps=taken)
+        leading = replace(passage, system=system, settings=settings)
     segments = list(leading.segments(made.start))
     return record(replace(made, passage=passage, segments=segments), state, besides)
 

@@ -18,6 +18,7 @@ from linkwork.simulation.lane_tables import (
     ERROR,
     EVALUATIONS,
     GROWTH,
+    IDEAL,
     LEAST,
     LONGEST,
     LOOSE,
@@ -119,6 +120,7 @@ def reject(lane, exponent, first_pivot, now, tally):
     else:
         tally[CAUSE, lane] = ailment
         now[STEP_SIZE, lane], now[LONGEST, lane] = RETREAT * step, RETREAT * now[LONGEST, lane]
+        now[IDEAL, lane] *= RETREAT
         if ailment == SINGULAR and first_pivot <= NEAR * now[BOUND, lane]:
             tally[STATUS, lane] = SINGULAR
 

@@ -34,10 +34,12 @@ from linkwork.simulation.native_loop import ROUNDING
 from linkwork.simulation.native_pace import (
     FADING,
     LARGEST_FACTOR,
+    LEAP,
     SAFETY,
     SHORT,
     SMALLEST_ERROR,
     SMALLEST_FACTOR,
+    STEEP,
 )
 from linkwork.simulation.native_parts import NEWTON_CALLS
 from linkwork.simulation.vectors import (
@@ -208,8 +210,10 @@ def judge(method, closed, closure_tol, tables):
 
 @njit(**INLINED)
 def falling(now):
-    """Tell in which lanes steps have fallen far below the longest one lately: see `native_pace`."""
-    return load(now, STEP_SIZE) <= splat(SHORT) * load(now, LONGEST)
+    """Tell in which lanes steps fall as `native_pace.fallen` tells."""
+    h = load(now, STEP_SIZE)
+    steeply = h <= splat(STEEP) * load(now, IDEAL)
+    return steeply | (h <= splat(SHORT) * load(now, LONGEST))
 
 
 @njit(**INLINED)
@@ -221,16 +225,17 @@ def accept(sixteenths, max_step, now):
     sixteenth = root(root(root(root(error))))
     for _ in range(sixteenths):
         power = power * sixteenth
-    longest, ideal = larger(step, splat(FADING) * load(now, LONGEST)), step / power
-    ease = choose(
-        splat(SHORT) * longest <= h, splat(1.0), smaller(ideal / load(now, IDEAL), splat(1.0))
-    )
+    before, one, reach = load(now, IDEAL), splat(1.0), splat(LARGEST_FACTOR) * step
+    ideal = smaller(smaller(step / power, splat(max_step)), reach)
+    ratio = choose(before <= splat(0.0), one, ideal / before)
+    ease = choose(ratio <= one, ratio, root(one / smaller(ratio, splat(LEAP))))
     factor = smaller(load(now, GROWTH), splat(SAFETY) / power * ease)
     proposal = smaller(splat(max_step), step * larger(splat(SMALLEST_FACTOR), factor))
     proposal = choose(h <= step, proposal, larger(h, proposal))
     store(now, STEP_SIZE, choose(kept, h, proposal))
     store(now, GROWTH, choose(kept, load(now, GROWTH), splat(LARGEST_FACTOR)))
-    store(now, LONGEST, choose(kept, load(now, LONGEST), longest))
-    store(now, IDEAL, choose(kept, load(now, IDEAL), ideal))
+    longest = load(now, LONGEST)
+    store(now, LONGEST, choose(kept, longest, larger(step, splat(FADING) * longest)))
+    store(now, IDEAL, choose(kept, before, ideal))
     store(now, TIME, choose(kept, load(now, TIME), load(now, ARRIVAL)))
     store(now, PIVOT, choose(kept, load(now, PIVOT), smaller(load(now, PIVOT), load(now, LOWEST))))

@@ -20,6 +20,7 @@ from linkwork.simulation.lane_tables import (
     BOUND,
     ERROR,
     EVALUATIONS,
+    IDEAL,
     LEAST,
     LIVE,
     LONGEST,
@@ -95,7 +96,8 @@ def mark_peaks(now):
     return how many."""
     count = 0
     for lane in range(LANES):
-        peaks = now[ACCEPTS, lane] > 0 and fallen(now[STEP_SIZE, lane], now[LONGEST, lane])
+        falls = fallen(now[STEP_SIZE, lane], now[LONGEST, lane], now[IDEAL, lane])
+        peaks = now[ACCEPTS, lane] > 0 and falls
         now[PEAKS, lane] = 1.0 if peaks else 0.0
         count += peaks
     return count

@@ -320,7 +320,8 @@ def examine(run):
     # An error is an estimate only where the stages have seen all that acts within the step.
     if passes(run) and run.method.exponent != 0:
         rhythm = run.rhythm
-        if free_until(run.watch, run.bend) < run.arrival or fallen(rhythm.step, rhythm.longest):
+        peaks = fallen(rhythm.step, rhythm.longest, rhythm.ideal)
+        if peaks or free_until(run.watch, run.bend) < run.arrival:
             look_into(run)
     if passes(run) and run.kernels.events != 0:
         call(run.kernels.search, memory_of(run), run.room.sample)

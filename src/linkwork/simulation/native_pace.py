@@ -1,10 +1,11 @@
 """Step sizes of the integrators' loop.
 
 A step of length h and error e, for which an error of 1 is allowed, would have had that error at
-about h* = h / e^p. The next one is a little shorter than h*, or, where steps have fallen far below
-the longest one lately, than h* min(1, h* / h*_before): steps that fall go on falling (Gustafsson,
-ACM Trans. Math. Softw. 20 (1994) 496-517). A motion whose steps fall like that comes to a peak, at
-which the estimates of errors say little: the dense output is looked at within such steps, too.
+about h* = h / e^p. The next one is a little shorter than h* r where h* falls, r = h* / h*_before,
+for it goes on falling (Gustafsson, ACM Trans. Math. Softw. 20 (1994) 496-517), and than
+h* / r^(1/2) where it rises, for it may not go on. A motion whose steps fall steeply, or have fallen
+far below the longest one lately, comes to a peak, at which the estimates of errors say little: the
+dense output is looked at within such steps, too.
 
 Sources: Hairer, Norsett & Wanner, Solving ODE I, sec. II.4 (first step, safety factors).
 """
@@ -28,13 +29,15 @@ BOLDNESS = 7.0
 many."""
 FARTHEST = 1e4  # first step, in units of the distance at which the second slope was taken
 SHORT = 1 / 32  # of the longest step lately, below which steps have fallen
+LEAP = 2.0  # from one h* to the next, beyond which a rise counts no more
+STEEP = 0.5  # of h*, below which steps fall steeply
 FADING = 0.98  # of the longest step from one step to the next
 
 
 class Rhythm(NamedTuple):
     """Say how steps go on: `step`, the size of the next one; `growth`, the largest factor by which
     the one after it may be longer; `longest`, the longest one lately; `ideal`, h* of the last one,
-    0 before the first.
+    no longer than the next one may be, 0 before the first.
     """
 
     step: float
@@ -60,9 +63,9 @@ def power(error, count):
 
 
 @njit(**INLINED)
-def fallen(step, longest):
-    """Tell whether steps have fallen far below the longest one lately."""
-    return step < SHORT * longest
+def fallen(step, longest, ideal):
+    """Tell whether steps fall steeply, or have fallen far below the longest one lately."""
+    return step < SHORT * longest or step < STEEP * ideal
 
 
 @njit(**INLINED)
@@ -70,14 +73,14 @@ def after_success(rhythm, step, error, exponent, max_step):
     """Return how steps go on after one that was accepted; it may have been shorter than it was to
     be."""
     scale = power(max(error, SMALLEST_ERROR), sixteenths(exponent))
-    longest, ideal, factor = max(step, FADING * rhythm.longest), step / scale, SAFETY / scale
-    if fallen(rhythm.step, longest) and ideal < rhythm.ideal:
-        factor *= ideal / rhythm.ideal
+    ideal = min(step / scale, max_step, LARGEST_FACTOR * step)
+    ratio = ideal / rhythm.ideal if rhythm.ideal > 0 else 1.0
+    factor = SAFETY / scale * (ratio if ratio <= 1 else math.sqrt(1 / min(ratio, LEAP)))
     proposal = min(max_step, step * max(SMALLEST_FACTOR, min(rhythm.growth, factor)))
     return Rhythm(
         max(rhythm.step, proposal) if step < rhythm.step else proposal,
         LARGEST_FACTOR,
-        longest,
+        max(step, FADING * rhythm.longest),
         ideal,
     )
 
@@ -92,7 +95,7 @@ def after_failure(rhythm, step):
 def after_retreat(rhythm, step):
     """Return how steps go on after one of the length `step` in which the equations failed, which
     tells of no peak."""
-    return Rhythm(RETREAT * step, 1.0, RETREAT * rhythm.longest, rhythm.ideal)
+    return Rhythm(RETREAT * step, 1.0, RETREAT * rhythm.longest, RETREAT * rhythm.ideal)
 
 
 @njit(**OPTIONS)

@@ -182,7 +182,8 @@ def look_into(run):
     """Look into a step with a small error for what its stages may not have seen: at a peak, in the
     middle, or at bends."""
     run.ailment = extend(run)
-    if run.ailment == OK and fallen(run.rhythm.step, run.rhythm.longest):
+    rhythm = run.rhythm
+    if run.ailment == OK and fallen(rhythm.step, rhythm.longest, rhythm.ideal):
         defect, run.ailment = defect_within(run, 0.5)
         run.error = max(run.error, KEEN * defect)
     free = free_until(run.watch, run.bend)
