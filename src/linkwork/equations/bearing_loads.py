@@ -119,7 +119,8 @@ class BearingLoads:
         for own, force in zip(self.rubbing, ca.vertsplit(self.phi), strict=True):
             found[own.rate] += force
         for name, gear in mechanism.gears.items():
-            for label, slope in gears.slopes(gear, equations.joints.position).items():
+            slopes = gears.slopes(gear, equations.joints.position, mechanism.coordinates)
+            for label, slope in slopes.items():
                 found[label] += slope * self.multipliers.get(f"{name}: ratio", SX(0))
         return found
 

@@ -1,15 +1,16 @@
-"""Gears: rows that couple joint coordinates,  phi = sum P_i(q_i) - offset.
+"""Gears: rows that couple joint coordinates and lengths,  phi = sum P_i(q_i) - offset.
 
     P_i(q) = ratio_i q + c_i2 q^2 + c_i3 q^3 + ...
     Phi = sum P_i'(q_i) J_i,  J_i the row that gives coordinate i's rate
     gamma = (d/dt Phi) w  at w' = 0
 
-A coordinate of the tree is its own; that of a cut joint is read off the poses (`joint_map`).
+A coordinate of the tree is its own; that of a cut joint is read off the poses, the length of a
+cable off its way (`joint_map`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import casadi as ca
@@ -17,7 +18,7 @@ import casadi as ca
 from linkwork.equations.algebra import SX
 from linkwork.equations.joint_map import JointMap
 from linkwork.equations.lengths import slides
-from linkwork.mechanism import GearJoint, Mechanism
+from linkwork.mechanism import GearJoint, Mechanism, MechanismError
 
 
 def row(gear: GearJoint, joints: JointMap) -> tuple[ca.SX, ca.SX]:
@@ -40,8 +41,16 @@ def polynomial(coefficients: Sequence[Any], q: Any) -> tuple[Any, Any]:
     return value * q, slope * q + value
 
 
-def slopes(gear: GearJoint, position: Callable[[str], Any]) -> dict[str, Any]:
-    """Return P_i'(q_i), the factor of each coordinate's rate in a gear, by name."""
+def slopes(
+    gear: GearJoint, position: Callable[[str], Any], coordinates: Collection[str]
+) -> dict[str, Any]:
+    """Return P_i'(q_i), the factor of each coordinate's rate in a gear, by name; refuse lengths,
+    whose forces act on bodies."""
+    if lines := [label for label in gear.ratios if label not in coordinates]:
+        raise MechanismError(
+            f"a gear holds the length {lines[0]!r}; what it brings to bodies is not told apart, so "
+            "that wrenches in joints are not found, nor friction of bearings by them"
+        )
     return {
         label: polynomial(gear.polynomial(label), position(label))[1] if gear.powers else ratio
         for label, ratio in gear.ratios.items()

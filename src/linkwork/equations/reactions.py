@@ -55,7 +55,8 @@ def joint_loads(equations: Equations) -> ca.Function:
     joints = equations.joints
     for gear in equations.mechanism.gears.values():
         outputs["slopes"] = ca.vertcat(
-            outputs["slopes"], *gears.slopes(gear, joints.position).values()
+            outputs["slopes"],
+            *gears.slopes(gear, joints.position, joints.mechanism.coordinates).values(),
         )
     s = ca.vertcat(SX(0, 1), *equations.strains.values())
     return function("joint_loads", equations, outputs, v=equations.v, dv=dv, u=u, s=s, w=outside)

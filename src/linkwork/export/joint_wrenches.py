@@ -155,7 +155,8 @@ def system(
     S, P = along_rates(equations, loads.twists)
     G = SX(len(geared), len(labels))
     for row, gear in enumerate(geared):
-        for label, slope in gears.slopes(gear, equations.joints.position).items():
+        slopes = gears.slopes(gear, equations.joints.position, mechanism.coordinates)
+        for label, slope in slopes.items():
             place = labels.index(label)
             G[row, place] = slope / loads.sizes[place]
     # The balance of bodies and along the joints' rates, but for those along independent rates.

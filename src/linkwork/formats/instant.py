@@ -125,10 +125,15 @@ class Instant:
         return M
 
     def held(self) -> np.ndarray:
-        """Return C (rows, nw) of loops and gears."""
+        """Return C (rows, nw) of loops and gears, but those that hold lengths of transmissions."""
         loops = [row for name in self.closing for row in self._held_by(name)]
         geared = self.mechanism.gears.values()
-        held = [self._sum(gears.slopes(gear, self._position)) for gear in geared]
+        labels = self.mechanism.coordinates
+        held = [
+            self._sum(gears.slopes(gear, self._position, labels))
+            for gear in geared
+            if gear.ratios.keys() <= {*labels}
+        ]
         return np.array([*loops, *held]).reshape(-1, len(self.rates))
 
     def _sum(self, ratios: Mapping[str, float]) -> np.ndarray:

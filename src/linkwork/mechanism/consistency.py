@@ -6,10 +6,16 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import islice
 from typing import Any
 
-from linkwork.mechanism.joints import QUATERNION, JointBase
+from linkwork.mechanism.joints import FEW, QUATERNION, GearJoint, JointBase
 from linkwork.mechanism.record import MechanismError
 from linkwork.mechanism.refusal import shown
-from linkwork.mechanism.transmissions import Cable, Combination, Thrust, Transmission
+from linkwork.mechanism.transmissions import (
+    Cable,
+    Combination,
+    Displacement,
+    Thrust,
+    Transmission,
+)
 
 SHOWN = 100  # names in one sentence
 
@@ -39,6 +45,34 @@ def check_ratios(
                 f"{label!r} is part of a quaternion and cannot {what}; name an angle or a slide",
                 where,
             )
+
+
+def check_gear(
+    name: str,
+    gear: GearJoint,
+    coordinates: Collection[str],
+    transmissions: Mapping[str, Transmission],
+    joints: Collection[str],
+) -> None:
+    """Refuse a gear of what has no length, or of one coordinate alone."""
+    where, lines = ("joints", name, "ratios"), gear.ratios.keys() & transmissions.keys()
+    for label in sorted(lines):
+        line = transmissions[label]
+        if isinstance(line, Thrust | Displacement):
+            raise MechanismError(
+                f"{label!r} is a {line.type}, which has no length that can be held; name a cable, "
+                "a slider_crank, a sum or a joint coordinate",
+                where,
+            )
+    named = dict.fromkeys((*coordinates, *transmissions))
+    check_ratios(gear.ratios, named, joints, where, "be geared")
+    if len(gear.coupled) < 2 and not lines.intersection(gear.coupled):
+        raise MechanismError(FEW, where)
+    if gear.teeth and gear.teeth.at in lines:
+        raise MechanismError(
+            f"the teeth rub at {gear.teeth.at!r}, a transmission; name a joint coordinate",
+            ("joints", name, "teeth", "at"),
+        )
 
 
 def check_transmissions(

@@ -339,21 +339,29 @@ class RodJoint(PairJoint):
     length: Positive = Field(description="distance between the two frames' origins [m]")
 
 
+FEW = (
+    "a gear couples at least two coordinates, or a length of a transmission, by ratios other than "
+    "zero"
+)
+
+
 class GearJoint(JointBase):
-    """Couple joint coordinates: the sum of P_i(q_i) keeps the value `offset`.
+    """Couple joint coordinates and lengths: the sum of P_i(q_i) keeps the value `offset`.
 
         P_i(q) = ratio_i q + c_i2 q^2 + c_i3 q^3 + ...
 
     Two wheels of radii r_1, r_2 in outer mesh on one carrier: ratios r_1 and r_2 (they turn against
-    each other). A cam, or a knee whose bones slide as it bends, has `powers` too.
+    each other). A cam, or a knee whose bones slide as it bends, has `powers` too. A rope that does
+    not stretch is a cable with the ratio 1, whose length stays `offset`; two of them are tied so.
     """
 
     type: Literal["gear"] = "gear"
     ratios: Mapping[PathName, Real] = Field(
-        description="ratio by coordinate, at least two [1; m/rad between kinds]"
+        description="ratio by coordinate or by transmission that has a length, at least two or a "
+        "single length [1; m/rad between kinds]"
     )
     powers: Mapping[PathName, tuple[Real, ...]] = Field(
-        default_factory=dict, description="c_2, c_3 ... of the square, the cube ..., by coordinate"
+        default_factory=dict, description="c_2, c_3 ... of the square, the cube ..., by the same"
     )
     offset: Real = Field(
         default=0.0, description="value that the sum keeps [unit of ratio times coordinate]"
@@ -366,10 +374,8 @@ class GearJoint(JointBase):
             raise MechanismError(
                 f"{alone[0]!r} has no ratio; give one, 0 where only its powers count", ("powers",)
             )
-        if len(self.coupled) < 2:
-            raise MechanismError(
-                "a gear couples at least two coordinates by ratios other than zero", ("ratios",)
-            )
+        if not self.coupled:
+            raise MechanismError(FEW, ("ratios",))
         even = [label for label in self.coupled if not any(self.powers.get(label, ()))]
         if self.teeth and self.teeth.at not in even:
             raise MechanismError(
@@ -381,7 +387,7 @@ class GearJoint(JointBase):
 
     @property
     def coupled(self) -> tuple[str, ...]:
-        """The coordinates that it couples: those whose polynomials are not zero."""
+        """What it couples: coordinates and lengths whose polynomials are not zero."""
         return tuple(label for label in self.ratios if any(self.polynomial(label)))
 
     def polynomial(self, label: str) -> tuple[float, ...]:

@@ -88,9 +88,13 @@ def at_surfaces(mechanism: Mechanism) -> dict[str, AtSurface]:
     """Return what may happen to cables at surfaces by name: "pull leaps at the sphere of arm
     (path.1)"."""
     found: dict[str, AtSurface] = {}
+    held = {label for gear in mechanism.gears.values() for label in gear.coupled}
     for name, line in mechanism.transmissions.items():
         if not isinstance(line, Cable):
             continue
+        # The length of a held one may leap no more than if an inertia moved with it.
+        if name in held:
+            line = line.model_copy(update={"inertia": 1.0})
         happening = (
             AtSurface(line, place, what)
             for what, places in (

@@ -20,7 +20,7 @@ from linkwork.mechanism.consistency import (
     check_connected,
     check_connects,
     check_drives,
-    check_ratios,
+    check_gear,
     check_transmissions,
     require,
 )
@@ -226,8 +226,7 @@ class Mechanism(Record, Portrayed):
             check_connects(pair.connects, bodies, where)
         # What refers to coordinates: gears, transmissions, actuators, the reference.
         for name, gear in self.gears.items():
-            where = ("joints", name, "ratios")
-            check_ratios(gear.ratios, coordinates, self.joints, where, "be geared")
+            check_gear(name, gear, coordinates, self.transmissions, self.joints)
         for name, lift in self.lifts.items():
             require(lift.body, self.bodies, "body", ("lifts", name, "body"))
         for name, drag in self.drags.items():

@@ -24,6 +24,7 @@ from functools import cached_property
 import numpy as np
 
 from linkwork.equations import mobility
+from linkwork.equations.gears import slopes
 from linkwork.equations.joints import held_length
 from linkwork.equations.topology import Rim
 from linkwork.mechanism import GROUND, Mechanism
@@ -98,7 +99,9 @@ class Network:
         closing = tuple(k for k in range(len(pairs)) if k not in in_tree)
         labels, gears = mechanism.rates, mechanism.gears.values()
         geared = tuple(
-            (k, labels.index(label)) for k, gear in enumerate(gears) for label in gear.ratios
+            (k, labels.index(label))
+            for k, gear in enumerate(gears)
+            for label in slopes(gear, lambda _: 0.0, mechanism.coordinates)
         )
         names = tuple(mechanism.pairs)
         return cls(names, pairs, rates, rods, tuple(branches), closing, len(gears), geared)

@@ -82,8 +82,8 @@ def loop_rows(chain: Chain, equations: Equations, home: Mapping[str, float]) -> 
         known = own_coordinates(equations, chain.flat)
         if missing := [label for label in gear.ratios if label not in known]:
             raise LinkworkError(
-                f"the gear {name!r} couples {missing[0]!r}, which closes a loop and has no "
-                "coordinate of its own here; its equations are not printed"
+                f"the gear {name!r} couples {missing[0]!r}, which closes a loop or is a length and "
+                "has no coordinate of its own here; its equations are not printed"
             )
         offset = number(("joints", name, "offset"), gear.offset)
         phi = -offset

@@ -57,7 +57,7 @@ class Actuation:
     """Gather actuators: their names, the transmissions that they need or that something acts
     along, and their drives.
 
-    lines: the names of tendons of joints here, by those in the file
+    lines: the names of tendons of joints and cables here, by those in the file
     """
 
     names: dict[str, None] = field(default_factory=dict)

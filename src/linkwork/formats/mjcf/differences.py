@@ -30,11 +30,17 @@ def tell_constraints(sheet: Sheet) -> None:
             "second derivative of a held tendon"
         )
     gears = sheet.mechanism.gears.items()
-    if curved := [name for name, gear in gears if any(map(any, gear.powers.values()))]:
-        say(
-            f"{', '.join(curved)}: gears with powers are exact at rest only: MuJoCo leaves out "
-            "what the rates add to their second derivative"
-        )
+    lines = sheet.mechanism.transmissions.keys()
+    curved = {
+        "with powers": [name for name, gear in gears if any(map(any, gear.powers.values()))],
+        "of lengths": [name for name, gear in gears if not lines.isdisjoint(gear.coupled)],
+    }
+    for kind, names in curved.items():
+        if names:
+            say(
+                f"{', '.join(names)}: gears {kind} are exact at rest only: MuJoCo leaves out "
+                "what the rates add to their second derivative"
+            )
 
 
 def tell_effects(sheet: Sheet) -> None:

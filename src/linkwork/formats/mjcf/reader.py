@@ -18,7 +18,7 @@ from linkwork.errors import LinkworkError
 from linkwork.formats import poses
 from linkwork.formats.masses import solid_of
 from linkwork.formats.mjcf import flattening
-from linkwork.formats.mjcf.actuators import ActuatorReader, ball_drives, driven_sites
+from linkwork.formats.mjcf.actuators import Actuation, ActuatorReader, ball_drives, driven_sites
 from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.fluid import drags_of, fluid_of
 from linkwork.formats.mjcf.inertia import with_spring_dampers
@@ -27,7 +27,7 @@ from linkwork.formats.mjcf.loops import Equality, LoopReader, Ties
 from linkwork.formats.mjcf.reflected import reflected, with_reflected
 from linkwork.formats.mjcf.replicas import every
 from linkwork.formats.mjcf.survey import MAKERS, UNMADE, survey
-from linkwork.formats.mjcf.tendons import TendonReader
+from linkwork.formats.mjcf.tendons import TendonReader, Tendons
 from linkwork.formats.mjcf.tree import COORDINATES, NEAR, ModelTree, read_tree
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
@@ -36,6 +36,7 @@ from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     GROUND,
     Body,
+    GearJoint,
     Joint,
     Lift,
     Mechanism,
@@ -43,6 +44,7 @@ from linkwork.mechanism import (
     PairJoint,
     Tool,
 )
+from linkwork.mechanism.transmissions import Transmission
 from linkwork.solids.solid import together
 
 EARTH = (0.0, 0.0, -9.81)
@@ -110,6 +112,7 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
     everything: dict[str, Joint] = joints.joints | closing | tendons.joints | gears  # pyright: ignore
     given = tendons.lines, tendons.elements
     actuation = ActuatorReader(document, tree, joints, *given, names, notes).read()
+    tied, transmissions = _tied(tendons, actuation)
     used = ties.sites | tendons.used | driven_sites(document)
     tools = {
         name: (body, X)
@@ -121,12 +124,12 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
         "name": root.attributes.get("model", root.file.stem),
         "gravity": _gravity(document),
         "bodies": bodies,
-        "joints": everything,
+        "joints": everything | tied,
         "springs": tendons.springs,
         "lifts": lifts,
         "fluid": fluid,
         "drags": drags,
-        "transmissions": actuation.transmissions,
+        "transmissions": transmissions,
         "actuators": tuple(actuation.names),
         "drives": actuation.drives,
         "tools": {
@@ -139,6 +142,26 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
         return Mechanism(**fields)
     except MechanismError as error:
         raise MechanismError(f"{root.file}: {error}") from None
+
+
+def _tied(
+    tendons: Tendons, actuation: Actuation
+) -> tuple[dict[str, GearJoint], dict[str, Transmission]]:
+    """Return the gears of tendons by the names of transmissions, and all transmissions with those
+    that nothing but a gear holds."""
+    names, gears = actuation.lines, tendons.ties
+    named = {
+        label: gear.model_copy(
+            update={
+                "ratios": {names[line]: ratio for line, ratio in gear.ratios.items()},
+                "powers": {names[line]: powers for line, powers in gear.powers.items()},
+            }
+        )
+        for label, gear in gears.items()
+    }
+    lines = (line for gear in gears.values() for line in gear.ratios)
+    held = {names[line]: tendons.lines[line] for line in lines}
+    return named, held | actuation.transmissions
 
 
 def _gravity(document: Document) -> tuple[float, float, float]:

@@ -3,7 +3,8 @@
 tendon of two sites    held: a rod; with stiffness or damping: a spring between two points
 tendon of joints       held: a gear; a combination of coordinates with what acts along it, or
                        that an actuator pulls
-other spatial tendons  cables: with pulleys, and round spheres and cylinders
+other spatial tendons  cables: with pulleys, and round spheres and cylinders; held, or following
+                       another tendon by a polynomial: a gear of lengths
 """
 
 from __future__ import annotations
@@ -56,14 +57,15 @@ Held = tuple[Element, float]  # the equality, and by how much it differs from th
 class Tendons:
     """Gather what tendons are.
 
-    joints: rods and gears; lines: combinations of all tendons of joints, and cables, by name in the
-        file
+    joints: rods and gears of joints; lines: combinations of all tendons of joints, and cables, by
+        name in the file; ties: gears of such lines, by these names
     used: the sites that they use; elements: all tendons, by name in the file
     """
 
     joints: dict[str, Joint] = field(default_factory=dict)
     springs: dict[str, PointSpring] = field(default_factory=dict)
     lines: dict[str, Combination | Cable] = field(default_factory=dict)
+    ties: dict[str, GearJoint] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
     elements: dict[str, Element] = field(default_factory=dict)
 
@@ -89,6 +91,9 @@ class TendonReader:
     def read(self, equalities: Iterable[Element]) -> Tendons:
         """Return what all tendons are, those held by some equalities included."""
         held, following = self._held(equalities)
+        self.following = {
+            element.text(end) for element in following for end in ("tendon1", "tendon2")
+        }
         for raw in self.document.each("tendon"):
             element = self.document.resolved(raw, "tendon")
             holds = held.pop(element.attributes.get("name", ""), None)
@@ -118,29 +123,27 @@ class TendonReader:
         return held, following
 
     def _follow(self, element: Element) -> None:
-        """Add the gear by which a tendon of joints follows another one: l1 - l1_0 = a0 + a1
-        (l2 - l2_0) + ..., the latter of one joint where there are higher powers."""
-        # Both tendons, as sums of joint coordinates.
+        """Add the gear by which a tendon follows another one:
+        l1 - l1_0 = a0 + a1 (l2 - l2_0) + ..."""
+        # Both tendons.
         offset, ratio, *higher = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)
         names = element.text("tendon1"), element.text("tendon2")
-        lines = [self.found.lines.get(name) for name in names]
-        if not all(isinstance(line, Combination) for line in lines):
-            self.notes.on(
-                element, "is left out: only tendons of joints follow one another", alters=True
-            )
+        if missing := [name for name in names if name not in self.found.lines]:
+            remark = f"is left out: there is no tendon {missing[0]!r} that is read"
+            self.notes.on(element, remark, alters=True)
             return
-        one, two = (line.ratios for line in lines if isinstance(line, Combination))
-        at_zero = [self._at(line, springs=False) for line in (one, two)]
-        # Powers of a single joint; a sum without powers.
-        if any(higher) and len(two) > 1:
-            self.notes.on(
-                element,
-                "is left out, so that nothing holds its tendons: the square or a higher power of a "
-                "sum of several joints, and a gear adds up powers of single ones",
-                alters=True,
-            )
-            return
+        lines = [self.found.lines[name] for name in names]
+        ratios_of = [line.ratios for line in lines if isinstance(line, Combination)]
         label = self.names.give(element.attributes.get("name", "_".join(names)))
+        # Lengths of cables, and powers of a sum of several joints, are those of transmissions.
+        if len(ratios_of) < 2 or (any(higher) and len(ratios_of[1]) > 1):
+            start, end = (self._length_at_zero(line) for line in lines)
+            about = offset + start, ratio, *higher
+            self.found.ties[label] = following(element, {names[0]: 1.0}, names[1], about, end, 1.0)
+            return
+        # Sums of joint coordinates are coupled as such.
+        one, two = ratios_of
+        at_zero = [self._at(line, springs=False) for line in (one, two)]
         if any(higher):
             ((other, factor),) = two.items()
             about = offset + at_zero[0], ratio, *higher
@@ -162,23 +165,28 @@ class TendonReader:
         parts = element.children
         straight = [part.tag for part in parts] == ["site", "site"]
         self.found.used |= {part.text("site") for part in parts if part.tag == "site"}
-        driven = element.attributes.get("name", "") in self.driven
+        name = element.attributes.get("name", f"tendon_{len(self.found.lines) + 1}")
+        driven, follows = name in self.driven, name in self.following
         low, *high = element.numbers("springlength", (1, 2), (-1.0,))
         more = any(element.number(key, 0.0) for key in ("frictionloss", "armature"))
         slack = self.document.is_limited(element) or (bool(high) and high[0] != low)
-        if straight and not driven and not more and (holds or not slack):
+        if straight and not (driven or follows or more) and (holds or not slack):
             self._straight(element, holds)
             return
-        if holds:
-            remark = "is left out: only a straight tendon of two sites is held as a rod"
-            self.notes.on(element, remark, alters=True)
-            return
-        if not driven and not _acts(element) and not self.document.is_limited(element):
+        tied = holds is not None or follows
+        if not (tied or driven or _acts(element) or self.document.is_limited(element)):
             self.notes.on(element, "is left out: it neither holds nor pulls")
             return
-        name = element.attributes.get("name", f"tendon_{len(self.found.lines) + 1}")
         cable = element.make(Cable, path=self._path(element))
-        self.found.lines[name] = self._loaded(element, cable, self._rests(cable))
+        at_rest = self._way(cable, self.loops.at_rest)
+        line = self._loaded(element, cable, at_rest, held=holds is not None)
+        self.found.lines[name] = line
+        if holds:
+            equality, offset = holds
+            label = self.names.give(equality.attributes.get("name", name))
+            self.found.ties[label] = equality.make(
+                GearJoint, ratios={name: 1.0}, offset=offset + self._length_at_zero(line)
+            )
 
     def _path(self, element: Element) -> tuple[CablePart, ...]:
         """Return the way of a cable."""
@@ -215,9 +223,14 @@ class TendonReader:
                 fields["side"] = ViaPoint(body=owner, point=poses.triple(at[:3, 3]))
         return part.make(kind, **fields)
 
-    def _rests(self, cable: Cable) -> float:
-        """Return the length of a cable where the joints' springs rest."""
-        at = self.loops.at_rest
+    def _length_at_zero(self, line: Combination | Cable) -> float:
+        """Return the length of a line at qpos0."""
+        if isinstance(line, Combination):
+            return self._at(line.ratios, springs=False)
+        return self._way(line, self.loops.at_zero)
+
+    def _way(self, cable: Cable, at: Mapping[str, np.ndarray]) -> float:
+        """Return the length of a cable where bodies are at given places."""
 
         def place(body: str) -> tuple[ca.SX, ca.SX]:
             return ca.SX(at[body][:3, :3]), ca.SX(at[body][:3, 3])

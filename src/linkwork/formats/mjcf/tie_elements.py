@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree as ET
 
+import casadi as ca
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from linkwork.equations.cables import way
 from linkwork.equations.joints import motions_of
 from linkwork.formats import poses
 from linkwork.formats.mjcf.laws import number, numbers
+from linkwork.formats.mjcf.line_elements import line_name
 from linkwork.formats.mjcf.model_plan import ADVANCE, ModelTie
 from linkwork.formats.mjcf.sheet import Sheet
 from linkwork.formats.mjcf.tree import WORLD
-from linkwork.mechanism import GROUND, GearJoint, MechanismError
+from linkwork.mechanism import GROUND, Cable, Combination, GearJoint, MechanismError
 
 DEGREE = 4  # of the polynomials of equalities
 
@@ -90,6 +93,9 @@ def write_gears(sheet: Sheet) -> None:
     """Couple hinges and slides: two of them by a joint equality, more by a tendon of joints, which
     follows another one where a coordinate has powers."""
     for name, gear in sheet.mechanism.gears.items():
+        if not sheet.mechanism.transmissions.keys().isdisjoint(gear.coupled):
+            write_length_tie(sheet, name, gear)
+            continue
         curved = curved_coordinate(sheet, name, gear)
         ratios = {label: gear.ratios[label] for label in gear.coupled if label != curved}
         gap = gear.offset - sum(ratio * sheet.moves[label].ref for label, ratio in ratios.items())
@@ -116,6 +122,56 @@ def write_gears(sheet: Sheet) -> None:
             ends["tendon2"] = f"{name}.{curved}"
             _joints_tendon(sheet, ends["tendon2"], {curved: 1.0})
         sheet.add("equality", "tendon", name=name, **ends, polycoef=numbers(a))
+
+
+def write_length_tie(sheet: Sheet, name: str, gear: GearJoint) -> None:
+    """Write a gear of lengths as an equality of tendons: one length, or one by the other; what it
+    couples of joints linearly is a tendon of its own."""
+    # Tendons by name, each with its polynomial, and its length at home.
+    tendons: dict[str, tuple[tuple[float, ...], float]] = {}
+    summed: dict[str, float] = {}
+    for label in gear.coupled:
+        polynomial, line = gear.polynomial(label), sheet.mechanism.transmissions.get(label)
+        if isinstance(line, Cable | Combination):
+            tendons[line_name(sheet, label)] = polynomial, length_at_home(sheet, line)
+        elif line is not None or not sheet.is_hinge_or_slide(label):
+            raise MechanismError(f"joints.{name}.ratios: {label!r} has no tendon in MJCF")
+        elif any(polynomial[1:]):
+            tendons[f"{name}.{label}"] = polynomial, sheet.moves[label].ref
+            _joints_tendon(sheet, f"{name}.{label}", {label: 1.0})
+        else:
+            summed[label] = polynomial[0]
+    if summed:
+        at_home = sum(ratio * sheet.moves[label].ref for label, ratio in summed.items())
+        tendons[name] = (1.0,), at_home
+        _joints_tendon(sheet, name, summed)
+    # The first one is linear; the length of the other one is counted from home, too.
+    (one, (first, x1)), *others = sorted(tendons.items(), key=lambda t: any(t[1][0][1:]))
+    ends = dict(zip(("tendon1", "tendon2"), (one, *(other for other, _ in others)), strict=False))
+    series = Polynomial([gear.offset - first[0] * x1])
+    for _, (polynomial, x2) in others:
+        series = series - Polynomial([0.0, *polynomial])(Polynomial([x2, 1.0]))
+    a = [float(c) / first[0] for c in series.coef]
+    if len(others) > 1 or any(first[1:]) or any(a[DEGREE + 1 :]):
+        raise MechanismError(
+            f"joints.{name}: MJCF ties two lengths, of which one may have powers up to the power "
+            f"{DEGREE}; write .yaml, which holds all"
+        )
+    a += [0.0] * (DEGREE + 1 - len(a))
+    sheet.add("equality", "tendon", name=name, **ends, polycoef=numbers(a[: DEGREE + 1]))
+
+
+def length_at_home(sheet: Sheet, line: Cable | Combination) -> float:
+    """Return the length of a cable, or of a combination, at home."""
+    home = sheet.home
+    if isinstance(line, Combination):
+        own = (ratio * home.coordinates[label] for label, ratio in line.ratios.items())
+        return line.offset + sum(own)
+
+    def place(body: str) -> tuple[ca.SX, ca.SX]:
+        return ca.SX(home.poses[body][:3, :3]), ca.SX(home.poses[body][:3, 3])
+
+    return float(way(line, place).length)
 
 
 def curved_coordinate(sheet: Sheet, name: str, gear: GearJoint) -> str | None:
