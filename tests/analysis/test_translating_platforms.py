@@ -116,7 +116,8 @@ def test_a_3_upu_is_told_to_let_go_where_it_may_turn():
 
 def test_a_3_upu_that_may_turn_from_the_start_is_bent_and_says_so():
     """Base and platform alike: all legs are parallel."""
-    robot = upu(0.2, 0.2)
+    with pytest.warns(lw.errors.ModelWarning, match="branches of motion meet at the given refer"):
+        robot = upu(0.2, 0.2)
     assert robot.mobility == 3 and "branches of motion meet" in robot.notes[0]
     assert singularity(robot, robot.home).kinds == ()
 

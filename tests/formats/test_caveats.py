@@ -143,7 +143,7 @@ def test_commands_print_them_and_strict_refuses_them(tmp_path, monkeypatch):
             "--strict",
         )
         assert "whose mass is left out" in last and last.endswith(
-            "--strict refuses a model that is not read whole\n"
+            "--strict refuses what is warned of\n"
         )
     assert call("--strict", "info", "prr3").exit_code == 0
     assert call("--strict", "export", model(tmp_path, more=INERTIAL), "whole.yaml").exit_code == 0
@@ -160,7 +160,7 @@ def test_studies_tell_them_too(tmp_path, monkeypatch):
     assert result.exit_code == 0, result.output
     assert "linkwork: warning: gripper.xml, line 3: <geom> is a mesh" in result.stderr
     assert "is a mesh" in xarray.open_zarr("study/results.zarr").attrs["caveats"]
-    assert "--strict refuses a model" in refused("sweep", "study.yaml", "--strict")
+    assert "--strict refuses what" in refused("sweep", "study.yaml", "--strict")
 
 
 def test_a_model_whose_masses_are_all_meshes_says_so(tmp_path):

@@ -31,9 +31,7 @@ def told(strict: bool) -> Iterator[None]:
         try:
             yield
         except ModelWarning as caveat:
-            raise LinkworkError(
-                f"{caveat}; {STRICT} refuses a model that is not read whole"
-            ) from None
+            raise LinkworkError(f"{caveat}; {STRICT} refuses what is warned of") from None
 
 
 def tell(notes: Iterable[str]) -> None:

@@ -54,12 +54,13 @@ UNHELD = (
 
 class ClosedSamples(NamedTuple):
     """Hold the rows, the closed reference and closed configurations near it, Phi there in own
-    units, and notes."""
+    units, notes, and those that are warned of."""
 
     rows: ClosureRows
     configurations: list[np.ndarray]
     Phi: np.ndarray
     notes: tuple[str, ...]
+    caveats: tuple[str, ...]
 
 
 def closed_samples(
@@ -93,17 +94,17 @@ def closed_samples(
     own = len(independent_rows([samples[1][0]]))
     rank = own if own == len(rows.names) else len(independent_rows([*samples[1]]))
     if own == rank:
-        return ClosedSamples(rows, *samples, (*moved_notes(joints, reference), *rounded))
+        return ClosedSamples(rows, *samples, moved_notes(joints, reference), rounded)
     beside = bent(tree, rows, reference, rank)
     if beside is None:
-        return ClosedSamples(rows, samples[0][:1], samples[1][:1], rounded)
+        return ClosedSamples(rows, samples[0][:1], samples[1][:1], (), rounded)
     where = ", ".join(
         f"{label} = {x:.3g}"
         for label, x in list(zip(tree.coordinates, beside, strict=True))[:SHOWN]
     )
     samples = about(tree, rows, beside)
-    notes = BENT.format(where), *unheld_notes(tree, rows, samples[0])
-    return ClosedSamples(rows, *samples, notes)
+    caveats = BENT.format(where), *unheld_notes(tree, rows, samples[0])
+    return ClosedSamples(rows, *samples, (), caveats)
 
 
 def moved_notes(joints: JointMap, q: np.ndarray) -> tuple[str, ...]:

@@ -71,7 +71,7 @@ def derive(
     }
     rows = closure_rows(freed, tree, cuts, joints, gears.units(mechanism, length), extents)
     every, begin = rows.names, partial(starts, mechanism, topology, tree, start)
-    rows, configurations, stacked, notes = closed_samples(joints, rows, start, begin)
+    rows, configurations, stacked, notes, caveats = closed_samples(joints, rows, start, begin)
     samples = [*stacked]
     # Rows that depend on others are left out; what has no motion, or leaves its plane, is refused.
     kept = independent_rows(samples)
@@ -105,7 +105,8 @@ def derive(
         turning,
         idle,
         chart,
-        notes,
+        (*notes, *caveats),
+        caveats,
     )
     bearings.refuse_open(found)
     return found

@@ -129,6 +129,7 @@ class Equations:
         its bodies, by name
     idle: names of those of them that nothing acts on
     notes: sentences on what was decided about the reference that the description does not say
+    caveats: those that are warned of: branches meet there, or rows are not held
     key: tells equations of different descriptions apart where it is known; the same in all charts
     strains: the forces of bristles, by what they are of; without them friction is that of steady
         sliding, smoothed
@@ -148,6 +149,7 @@ class Equations:
     idle: tuple[str, ...]
     chart: Chart
     notes: tuple[str, ...]
+    caveats: tuple[str, ...]
     key: str = ""
     strains: Mapping[str, ca.SX] = field(default_factory=dict)
 
@@ -160,12 +162,6 @@ class Equations:
     def p(self) -> ca.SX:
         """Symbols of the free parameters (np), in the order of `parameters`."""
         return self.tree.p
-
-    @property
-    def caveats(self) -> tuple[str, ...]:
-        """The notes by which loops stay open beyond rounding: that on rows which are not held, the
-        last one."""
-        return self.notes[-1:] if self.rows.unheld else ()
 
     @cached_property
     def nq(self) -> int:

@@ -67,7 +67,8 @@ class Robot(Simulated, Portrayed):
 
     Warns:
         ModelWarning: what makes the robot move otherwise than its file says; loops that rounded
-            numbers of the description leave open.
+            numbers of the description leave open; a reference at which branches of motion meet,
+            beside which home is.
     """
 
     @classmethod
