@@ -115,7 +115,6 @@ def test_a_file_holds_powers(tmp_path):
     ("fields", "told"),
     [
         ({"ratios": {"a": 1.0, "b": 2.0}, "powers": {"c": [1.0]}}, "'c' has no ratio; give one"),
-        ({"ratios": {"a": 1.0, "b": 0.0}, "powers": {"b": [0.0]}}, "couples at least two"),
         ({"ratios": {"a": 1.0, "b": 1.0}, "powers": {"b": [float("nan")]}}, "powers.b.0"),
         (
             {
