@@ -50,8 +50,8 @@ def read(tie, tmp_path, name="tied.xml"):
     return path, load(path).mechanism
 
 
-def mujoco_accelerations(path, values):
-    """Accelerations of MuJoCo at rest by joint, at values of the joints."""
+def mujoco_at(path, values):
+    """MuJoCo's data at rest, at values of the joints, with hardly any softness."""
     model = mj.MjModel.from_xml_path(str(path))
     model.tendon_invweight0[:] *= SOFTNESS
     model.opt.iterations, model.opt.tolerance, model.opt.ls_tolerance = 200, 0.0, 1e-12
@@ -59,6 +59,12 @@ def mujoco_accelerations(path, values):
     for name, value in values.items():
         data.joint(name).qpos[0] = value
     mj.mj_forward(model, data)
+    return data
+
+
+def mujoco_accelerations(path, values):
+    """Accelerations of MuJoCo at rest by joint, at values of the joints."""
+    data = mujoco_at(path, values)
     return {name: data.joint(name).qacc[0] for name in values}
 
 
@@ -145,11 +151,162 @@ def test_runs_keep_a_held_length_and_their_energy(tmp_path):
     assert sum(energies[0]) == pytest.approx(sum(energies[1]), abs=1e-8)
 
 
-def test_wrenches_in_joints_beside_a_held_length_are_refused_by_name(tmp_path):
-    _, mechanism = read("held", tmp_path)
+@pytest.mark.parametrize("tie", TIES)
+def test_tensions_at_rest_are_those_of_mujoco(tie, tmp_path):
+    path, mechanism = read(tie, tmp_path)
     robot = lw.Robot(mechanism)
-    with pytest.raises(MechanismError, match="a gear holds the length 'near'"):
-        robot.reactions(robot.home, [0.0])
+    state = robot.assemble(AT[tie])
+    at = mujoco_at(path, dict(zip(robot.coordinates, state.positions, strict=True)))
+    found = robot.reactions(state, [0.0]).gears["rope"]
+    assert found == pytest.approx(at.efc_force[0], rel=1e-6)
+
+
+def slackened(robot):
+    """The same mechanism with forces along what its rope ties, in place of the rope."""
+    joints = {name: joint for name, joint in robot.mechanism.joints.items() if name != "rope"}
+    drives = (*robot.actuators, *robot.mechanism.joints["rope"].ratios)
+    return lw.Robot(robot.mechanism.model_copy(update={"joints": joints, "actuators": drives}))
+
+
+def pulling(robot, path, state, tension):
+    """The state of the mechanism without its rope, and the forces that do what the rope does."""
+    values = dict(zip(robot.coordinates, state.positions, strict=True))
+    rates = dict(zip(robot.rates, robot.joint_rates(state), strict=True))
+    lengths = mujoco_at(path, values).ten_length
+    gear, tendons = robot.mechanism.joints["rope"], ("near", "far", "both")
+    forces = [0.7]
+    for name in gear.ratios:
+        slopes = np.polyder([*gear.polynomial(name)[::-1], 0.0])
+        forces.append(tension * np.polyval(slopes, lengths[tendons.index(name)]))
+    free = slackened(robot)
+    return free, free.state(values, rates), forces
+
+
+@pytest.mark.parametrize("tie", TIES)
+@pytest.mark.parametrize("rubbing", [False, True], ids=["", "rubbing"])
+def test_wrenches_in_joints_are_those_of_forces_along_the_cables(tie, rubbing, tmp_path):
+    path, mechanism = read(tie, tmp_path)
+    if rubbing:  # the rope presses on the bearing, whose friction changes the rope's tension
+        friction = lw.Sliding(coefficient=0.3, rate=1e-3)
+        bearing = lw.JournalBearing(friction=friction, radius=0.05, span=0.2)
+        hinge = mechanism.joints["a"].model_copy(update={"bearing": bearing})
+        mechanism = mechanism.model_copy(update={"joints": {**mechanism.joints, "a": hinge}})
+    robot = lw.Robot(mechanism)
+    state = robot.assemble(AT[tie], rates={name: 1.3 for name in AT[tie]})
+    found = robot.reactions(state, [0.7])
+    free, same, forces = pulling(robot, path, state, found.gears["rope"])
+    wanted = free.reactions(same, forces)
+    np.testing.assert_allclose(found.wrenches, wanted.wrenches, atol=1e-12)
+    np.testing.assert_allclose(found.constraint, wanted.constraint, atol=1e-12)
+    np.testing.assert_allclose(
+        robot.joint_accelerations(state, robot.forward_dynamics(state, [0.7])),
+        free.joint_accelerations(same, free.forward_dynamics(same, forces)),
+        atol=1e-10,
+    )
+    function = robot.functions().reactions
+    shown = np.array(function(state.q, state.rates, [0.7])[0])
+    np.testing.assert_allclose(shown.T, found.wrenches, atol=1e-11)
+
+
+def test_a_boom_on_a_rope_by_hand():
+    """L/2 m g = L T sin(a) about the hinge, which brings the rest of the weight, and T cos(a)."""
+    length, mass, g, height = 2.0, 3.0, 9.81, 1.5
+    ends = {"ground": (0.0, height, 0.0), "boom": (length, 0.0, 0.0)}
+    path = [{"type": "point", "body": body, "point": p} for body, p in ends.items()]
+    rope = np.hypot(length, height)
+    robot = lw.Robot(
+        Mechanism(
+            bodies={
+                "boom": lw.Body(mass=mass, centre_of_mass=(length / 2, 0, 0)),
+                "aside": lw.Body(mass=1.0),
+            },
+            joints={
+                "hinge": lw.RevoluteJoint(connects=("ground", "boom")),
+                "slide": lw.PrismaticJoint(connects=("ground", "aside"), axis=(1, 0, 0)),
+                "rope": GearJoint(ratios={"line": 2.0}, offset=2 * rope),
+            },
+            transmissions={"line": Cable(path=path)},
+            gravity=(0.0, -g, 0.0),
+        )
+    )
+    found = robot.reactions(robot.home, [])
+    tension = mass * g / 2 / (height / rope)
+    assert found.gears["rope"] == pytest.approx(-tension / 2)
+    wanted = [0, 0, 0, tension * length / rope, mass * g / 2, 0]
+    assert found["hinge"] == pytest.approx(wanted, abs=1e-12)
+
+
+@pytest.mark.parametrize("rods", [0, 3])
+def test_ropes_bear_a_platform(rods):
+    """m (a - g) and the moment of what is there are brought by ropes, and rods, which is all that
+    hangs the platform in the ground."""
+    random = np.random.default_rng(5)
+    feet = np.column_stack([random.normal(size=(6, 2)), 2 + 0.3 * random.normal(size=6)])
+    tips = np.column_stack([0.3 * random.normal(size=(6, 2)), 0.1 * random.normal(size=6)])
+    ropes = range(rods, 5)
+    cables = {
+        f"line {k}": Cable(
+            path=[
+                {"type": "point", "body": "ground", "point": feet[k].tolist()},
+                {"type": "point", "body": "platform", "point": tips[k].tolist()},
+            ]
+        )
+        for k in ropes
+    }
+    lengths = np.linalg.norm(feet - tips, axis=1)
+    joints = {
+        f"rope {k}": GearJoint(ratios={f"line {k}": 1.0}, offset=lengths[k]) for k in ropes
+    } | {
+        f"rod {k}": lw.RodJoint(
+            connects=("ground", "platform"),
+            frames=(lw.Frame(position=feet[k].tolist()), lw.Frame(position=tips[k].tolist())),
+            length=lengths[k],
+        )
+        for k in range(rods)
+    }
+    if not rods:
+        joints["float"] = lw.FreeJoint(connects=("ground", "platform"))
+    body = lw.Body(
+        mass=2.0, centre_of_mass=(0.05, -0.1, 0.02), inertia=lw.Inertia(xx=0.2, yy=0.3, zz=0.4)
+    )
+    robot = lw.Robot(
+        Mechanism(
+            bodies={"platform": body}, joints=joints, transmissions=cables, gravity=(0, 0, -9.81)
+        )
+    )
+    assert robot.mobility == 1
+    state = robot.home.with_rates([0.8])
+    found = robot.reactions(state, [])
+    # How the platform moves: from poses of a short run to and fro.
+    step, moves = 1e-3, {0: robot.body_poses(state)["platform"]}
+    for k in (-2, -1, 1, 2):
+        start = state.with_rates([np.copysign(0.8, k)])
+        end = robot.simulate(start, duration=abs(k) * step, rtol=1e-12).final
+        moves[k] = robot.body_poses(end)["platform"]
+    centre = {k: p + R @ body.centre_of_mass for k, (p, R) in moves.items()}
+    second = {-2: -1 / 12, -1: 4 / 3, 0: -5 / 2, 1: 4 / 3, 2: -1 / 12}
+    a = sum(c * centre[k] for k, c in second.items()) / step**2
+    (p, R), first = moves[0], {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
+    dR = sum(c * moves[k][1] for k, c in first.items()) / step
+    ddR = sum(c * moves[k][1] for k, c in second.items()) / step**2
+    spun, spins = dR @ R.T, ddR @ R.T + dR @ dR.T
+    omega, alpha = (np.array([A[2, 1], A[0, 2], A[1, 0]]) for A in (spun, spins))
+    inertia = R @ np.diag([0.2, 0.3, 0.4]) @ R.T
+    needed = 2.0 * (a - [0, 0, -9.81])
+    turned = inertia @ alpha + np.cross(omega, inertia @ omega)
+    # What ropes and rods bring: forces from tips to feet.
+    force, moment = np.zeros(3), np.zeros(3)
+    for k in range(5):
+        line = feet[k] - p - R @ tips[k]
+        if k in ropes:
+            pull = -found.gears[f"rope {k}"] * line / np.linalg.norm(line)
+        else:
+            pull = found[f"rod {k}"][3:]
+        force, moment = force + pull, moment + np.cross(p + R @ tips[k] - centre[0], pull)
+    np.testing.assert_allclose(force, needed, atol=1e-6)
+    np.testing.assert_allclose(moment, turned, atol=1e-6)
+    if not rods:
+        assert np.abs(found["float"]).max() < 1e-9
 
 
 @pytest.mark.parametrize("ending", ["urdf", "sdf"])

@@ -25,8 +25,16 @@ from linkwork.equations.elimination import solve
 from linkwork.equations.equations import Equations
 from linkwork.equations.joints import motions_of
 from linkwork.equations.joints.kind import transversals
-from linkwork.equations.needs import bodies_need, frames, joint_twists, known_forces, line_tensions
+from linkwork.equations.needs import (
+    bodies_need,
+    frames,
+    joint_twists,
+    known_forces,
+    line_tensions,
+    on_body,
+)
 from linkwork.equations.rubbing import Rubbing, rubbing
+from linkwork.equations.transmissions import Along
 from linkwork.equations.tree import in_base, near_offset
 from linkwork.mechanism import GearTeeth, JournalBearing
 from linkwork.mechanism.bearing import line_names
@@ -87,10 +95,25 @@ class BearingLoads:
                 if body == name:
                     found[2 * place] -= wrench[:3]
                     found[2 * place + 1] -= wrench[3:]
+        for gear, multiplier in self.geared:
+            for body in dict.fromkeys(body for body, *_ in gear.wrenches):
+                place = list(mechanism.bodies).index(body)
+                pull = multiplier * on_body(self.equations, gear, body)
+                found[2 * place] -= pull[:3]
+                found[2 * place + 1] -= pull[3:]
         return {
             name: Placed(centre, *found[2 * place : 2 * place + 2])
             for place, (name, centre) in enumerate(zip(mechanism.bodies, centres, strict=True))
         }
+
+    @cached_property
+    def geared(self) -> list[tuple[Along, ca.SX]]:
+        """What a unit multiplier of each gear does, and its multiplier."""
+        joints = self.equations.joints
+        return [
+            (gears.pushing(gear, joints), self.multipliers.get(f"{name}: ratio", SX(0)))
+            for name, gear in self.equations.mechanism.gears.items()
+        ]
 
     @cached_property
     def multipliers(self) -> Mapping[str, ca.SX]:
@@ -118,10 +141,9 @@ class BearingLoads:
         found = dict(zip(mechanism.rates, ca.vertsplit(f), strict=True))
         for own, force in zip(self.rubbing, ca.vertsplit(self.phi), strict=True):
             found[own.rate] += force
-        for name, gear in mechanism.gears.items():
-            slopes = gears.slopes(gear, equations.joints.position, mechanism.coordinates)
-            for label, slope in slopes.items():
-                found[label] += slope * self.multipliers.get(f"{name}: ratio", SX(0))
+        for gear, multiplier in self.geared:
+            for label, slope in gear.ratios.items():
+                found[label] += slope * multiplier
         return found
 
     @cached_property

@@ -10,7 +10,7 @@ cable off its way (`joint_map`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -18,7 +18,8 @@ import casadi as ca
 from linkwork.equations.algebra import SX
 from linkwork.equations.joint_map import JointMap
 from linkwork.equations.lengths import slides
-from linkwork.mechanism import GearJoint, Mechanism, MechanismError
+from linkwork.equations.transmissions import Along
+from linkwork.mechanism import GROUND, Combination, GearJoint, Mechanism, Thrust
 
 
 def row(gear: GearJoint, joints: JointMap) -> tuple[ca.SX, ca.SX]:
@@ -41,20 +42,33 @@ def polynomial(coefficients: Sequence[Any], q: Any) -> tuple[Any, Any]:
     return value * q, slope * q + value
 
 
-def slopes(
-    gear: GearJoint, position: Callable[[str], Any], coordinates: Collection[str]
-) -> dict[str, Any]:
-    """Return P_i'(q_i), the factor of each coordinate's rate in a gear, by name; refuse lengths,
-    whose forces act on bodies."""
-    if lines := [label for label in gear.ratios if label not in coordinates]:
-        raise MechanismError(
-            f"a gear holds the length {lines[0]!r}; what it brings to bodies is not told apart, so "
-            "that wrenches in joints are not found, nor friction of bearings by them"
-        )
-    return {
-        label: polynomial(gear.polynomial(label), position(label))[1] if gear.powers else ratio
-        for label, ratio in gear.ratios.items()
-    }
+def pushing(gear: GearJoint, joints: JointMap) -> Along:
+    """Return what a unit multiplier of a gear does: P_i'(q_i) on each coordinate's rate, and as
+    much along each length."""
+    phi, ratios, wrenches = SX(-gear.offset), dict[str, Any](), list[tuple[str, ca.SX, ca.SX]]()
+    for label in gear.ratios:
+        value, slope = polynomial(gear.polynomial(label), joints.position(label))
+        phi += value
+        is_line = label in joints.mechanism.transmissions
+        line = joints.along(label) if is_line else Along(value, {label: 1.0})
+        for rate, ratio in line.ratios.items():
+            ratios[rate] = ratios.get(rate, 0.0) + slope * ratio
+        wrenches += [(body, arm, slope * wrench) for body, arm, wrench in line.wrenches]
+    return Along(phi, ratios, tuple(wrenches))
+
+
+def pushed(gear: GearJoint, mechanism: Mechanism) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the rates and the bodies that a gear pushes, by name, each once."""
+    rates, bodies = list[str](), list[str]()
+    for label in gear.ratios:
+        line = mechanism.transmissions.get(label)
+        if line is None:
+            rates.append(label)
+        elif isinstance(line, Combination):
+            rates += line.ratios
+        elif not isinstance(line, Thrust):  # that has no length
+            bodies += [body for body in line.bodies if body != GROUND]
+    return tuple(dict.fromkeys(rates)), tuple(dict.fromkeys(bodies))
 
 
 def units(mechanism: Mechanism, length: float) -> dict[str, float]:

@@ -26,6 +26,7 @@ from linkwork.equations.closure import Side, side
 from linkwork.equations.equations import Equations
 from linkwork.equations.joints import motions_of
 from linkwork.equations.moments import tensor
+from linkwork.equations.transmissions import Along
 from linkwork.equations.tree import in_base, near_offset
 from linkwork.mechanism import PairJoint
 
@@ -76,14 +77,22 @@ def bodies_need(
         moment -= pulled[0] - cross(d, pulled[1])
         moment, force = (ca.mtimes(node.axes.matrix, part) for part in (moment, force))
         for line, tension in tensions.items():
-            for other, arm, wrench in equations.joints.along(line).wrenches:
-                if other == name:
-                    lever = ca.mtimes(node.axes.matrix, arm - d)
-                    moment -= tension * (wrench[:3] + cross(lever, wrench[3:]))
-                    force -= tension * wrench[3:]
+            pull = on_body(equations, equations.joints.along(line), name)
+            moment, force = moment - tension * pull[:3], force - tension * pull[3:]
         needed += [moment, force]
         centres.append(tree.point(node, c))
     return needed, centres
+
+
+def on_body(equations: Equations, line: Along, name: str) -> ca.SX:
+    """Return [moment about the mass centre; force] of a unit force along a line on a body."""
+    node, found = equations.tree.node(name), SX(6, 1)
+    d = near_offset(node, vector(equations.mechanism.bodies[name].centre_of_mass))
+    for body, arm, wrench in line.wrenches:
+        if body == name:
+            lever = ca.mtimes(node.axes.matrix, arm - d)
+            found += ca.vertcat(wrench[:3] + cross(lever, wrench[3:]), wrench[3:])
+    return found
 
 
 def frames(equations: Equations, joint: PairJoint) -> tuple[Side, Side]:

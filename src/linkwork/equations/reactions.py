@@ -9,7 +9,14 @@ from linkwork.equations import bearings, gears
 from linkwork.equations.algebra import SX
 from linkwork.equations.equations import Equations
 from linkwork.equations.functions import function
-from linkwork.equations.needs import bodies_need, frames, joint_twists, known_forces, line_tensions
+from linkwork.equations.needs import (
+    bodies_need,
+    frames,
+    joint_twists,
+    known_forces,
+    line_tensions,
+    on_body,
+)
 from linkwork.equations.rubbing import rubbing
 
 
@@ -20,8 +27,9 @@ def joint_loads(equations: Equations) -> ca.Function:
 
     Outputs, in the ground's axes: `needed` [moment about the mass centre; force] of every body
     (6r), `centres` (3r); of every joint that connects two bodies the `origins` of F1 and F2 (6J);
-    of every rate the `twists` s (6m) and the known forces f (m); the `slopes` of gears, one for
-    each coordinate of each (`Network.geared`).
+    of every rate the `twists` s (6m) and the known forces f (m); of a unit multiplier of each gear
+    what it is on the rates that it pushes, the `slopes` (`Network.geared`), and on bodies, the
+    `pulls` [moment about the mass centre; force] (`Network.pulled`).
     """
     # What acts in a motion.
     dv = SX.sym("dv", equations.mobility)
@@ -42,22 +50,24 @@ def joint_loads(equations: Equations) -> ca.Function:
         labels = equations.mechanism.rates
         for own, force in zip(rubbing(equations.joints), ca.vertsplit(phi), strict=True):
             f[labels.index(own.rate)] += force
-    # All of it, and how the gears push.
+    # How the gears push.
+    slopes, pulls = [], []
+    for gear in equations.mechanism.gears.values():
+        line = gears.pushing(gear, equations.joints)
+        rates, bodies = gears.pushed(gear, equations.mechanism)
+        slopes += [line.ratios[rate] for rate in rates]
+        pulls += [on_body(equations, line, body) for body in bodies]
+    # All of it.
     outputs = {
         "needed": ca.vertcat(SX(0, 1), *needed),
         "centres": ca.vertcat(SX(0, 1), *centres),
         "origins": ca.vertcat(SX(0, 1), *[frame.P for pair in sides.values() for frame in pair]),
         "twists": ca.vertcat(SX(0, 1), *twists),
         "f": f,
-        "slopes": SX(0, 1),
+        "slopes": ca.vertcat(SX(0, 1), *slopes),
+        "pulls": ca.vertcat(SX(0, 1), *pulls),
         "pivot": pivot,
     }
-    joints = equations.joints
-    for gear in equations.mechanism.gears.values():
-        outputs["slopes"] = ca.vertcat(
-            outputs["slopes"],
-            *gears.slopes(gear, joints.position, joints.mechanism.coordinates).values(),
-        )
     s = ca.vertcat(SX(0, 1), *equations.strains.values())
     return function("joint_loads", equations, outputs, v=equations.v, dv=dv, u=u, s=s, w=outside)
 

@@ -3,13 +3,14 @@
 Unknown are the wrench W_k = [moment about the origin of F2; force] of every joint, that of a rod a
 tension along it, and the multiplier mu of every gear. With the loads of `equations.reactions`,
 
-    sum of the wrenches on a body = what it needs                     (6 for each body)
+    sum of the wrenches on a body + B mu = what it needs              (6 for each body)
     S' W = f + G' mu along every joint rate but the independent ones
 
-The motions that joints and gears allow are the left null space of these equations, and the rates of
-a chart determine them: without those along the independent rates the equations are independent
-wherever the chart is good. A body that the tree hangs in the ground without a joint has rates that
-are no joint's: along these stands its own balance, about the origin of its frame.
+where B is what gears pull with at bodies whose lengths they hold. The motions that joints and gears
+allow are the left null space of these equations, and the rates of a chart determine them: without
+those along the independent rates the equations are independent wherever the chart is good. A body
+that the tree hangs in the ground without a joint has rates that are no joint's: along these stands
+its own balance, about the origin of its frame.
 
 Where constraints depend on each other, of all solutions the one with the least constraint wrenches
 W - P (f + G' mu), moments over a length, and multipliers is taken, as by `Robot.reactions`:
@@ -30,7 +31,7 @@ from linkwork.equations.algebra import SX
 from linkwork.equations.joints import held_length
 from linkwork.equations.reactions import joint_loads
 from linkwork.equations.tree import offset
-from linkwork.mechanism import GROUND, FreeJoint
+from linkwork.mechanism import GROUND, FreeJoint, Mechanism
 from linkwork.model.reactions import spread
 from linkwork.robot import Robot
 
@@ -38,19 +39,21 @@ MOMENT = ca.DM([1, 1, 1, 0, 0, 0])
 
 
 class ScaledLoads(NamedTuple):
-    """Hold what bodies need (6r) about points of theirs (3r), origins of F1 and F2 (6J), a twist of
-    each rate (6m) and forces on the rates (m), with lengths over one length; sizes (m): that length
-    of turns, 1 of slides, by which forces on rates are divided.
+    """Hold what bodies need (6r), and what gears bring to them by unit multipliers (6r x gears),
+    about points of theirs (3r), origins of F1 and F2 (6J), a twist of each rate (6m), forces on the
+    rates (m), and those of gears (gears x m), with lengths over one length; forces on turns are
+    divided by it, too.
 
     The points are mass centres, and the origins of bodies that float by no joint (`floating`).
     """
 
     needed: ca.SX
+    pulls: ca.SX
     points: ca.SX
     origins: ca.SX
     twists: ca.SX
     f: ca.SX
-    sizes: ca.DM
+    G: ca.SX
 
 
 def reactions(robot: Robot, equations: Equations) -> ca.Function:
@@ -91,28 +94,47 @@ def units(length: float) -> ca.DM:
 
 def scaled_loads(equations: Equations, loads: Sequence[ca.SX], length: float) -> ScaledLoads:
     """Return loads of `equations.reactions` with lengths over one length."""
-    needed, centres, origins, twists, f, _ = loads
+    needed, centres, origins, twists, f, slopes, pulls = loads
     # Bodies that float by no joint are balanced about their origins.
-    bodies, points = list(equations.mechanism.bodies), [*ca.vertsplit(centres, 3)]
-    needs = [*ca.vertsplit(needed, 6)]
+    mechanism = equations.mechanism
+    bodies, points = list(mechanism.bodies), [*ca.vertsplit(centres, 3)]
+    needs = [*ca.vertsplit(ca.horzcat(needed, *pulling(mechanism, pulls)), 6)]
     for body in floating(equations):
         b, node = bodies.index(body), equations.tree.node(body)
         origin = node.O + offset(node, np.zeros(3))
         needs[b] = shift(points[b] - origin) @ needs[b]
         points[b] = origin
-    needed, points = ca.vertcat(*needs), ca.vertcat(*points)
     # The scale.
     unit = units(length)
     along = ca.vertsplit(twists, 6) if f.numel() else []
     sizes = ca.DM([length if turns(twist) else 1.0 for twist in along])
+    needs = ca.vertcat(*[each / ca.repmat(unit, 1, each.shape[1]) for each in needs])
+    G, places = SX(len(mechanism.gears), len(along)), iter(range(slopes.numel()))
+    for row, gear in enumerate(mechanism.gears.values()):
+        for rate in gears.pushed(gear, mechanism)[0]:
+            k = mechanism.rates.index(rate)
+            G[row, k] = slopes[next(places)] / sizes[k]
     return ScaledLoads(
-        needed / ca.repmat(unit, needed.numel() // 6, 1),
-        points / length,
+        needs[:, 0],
+        needs[:, 1:],
+        ca.vertcat(*points) / length,
         origins / length,
         twists * ca.repmat(unit, len(along), 1) / ca.kron(sizes, ca.DM.ones(6, 1)),
         f / sizes,
-        sizes,
+        G,
     )
+
+
+def pulling(mechanism: Mechanism, pulls: ca.SX) -> list[ca.SX]:
+    """Return what unit multipliers of gears are on all bodies (6r), gear by gear."""
+    bodies, parts = list(mechanism.bodies), iter(ca.vertsplit(pulls, 6) if pulls.numel() else [])
+    found = []
+    for gear in mechanism.gears.values():
+        found.append(SX(6 * len(bodies), 1))
+        for body in gears.pushed(gear, mechanism)[1]:
+            b = bodies.index(body)
+            found[-1][6 * b : 6 * b + 6] = next(parts)
+    return found
 
 
 def floating(equations: Equations) -> dict[str, str]:
@@ -139,8 +161,7 @@ def system(
     """Return E (6J x unknowns) of the joints' wrenches E y, about the origins of F2, and the matrix
     and the right side of the equations in (y, mu, nu), but for those along some rates."""
     mechanism = equations.mechanism
-    pairs, geared = mechanism.pairs, mechanism.gears.values()
-    labels = mechanism.rates
+    pairs, G = mechanism.pairs, loads.G
     origins = ca.vertsplit(loads.origins, 3) if pairs else []
     # What a joint can transmit, and what its rates take: a rod has a tension only.
     E = ca.diagcat(
@@ -153,19 +174,10 @@ def system(
         ),
     )
     S, P = along_rates(equations, loads.twists)
-    G = SX(len(geared), len(labels))
-    for row, gear in enumerate(geared):
-        slopes = gears.slopes(gear, equations.joints.position, mechanism.coordinates)
-        for label, slope in slopes.items():
-            place = labels.index(label)
-            G[row, place] = slope / loads.sizes[place]
     # The balance of bodies and along the joints' rates, but for those along independent rates.
     left = [k for k, label in enumerate(rates_of_rows(equations)) if label not in without]
     C = ca.vertcat(
-        ca.horzcat(
-            on_bodies(equations, loads.points, origins) @ E,
-            SX(6 * len(mechanism.bodies), len(geared)),
-        ),
+        ca.horzcat(on_bodies(equations, loads.points, origins) @ E, loads.pulls),
         ca.horzcat(S @ E, -G.T),
     )[left, :]
     d = ca.vertcat(loads.needed, loads.f)[left, :]

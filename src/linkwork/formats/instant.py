@@ -130,7 +130,12 @@ class Instant:
         geared = self.mechanism.gears.values()
         labels = self.mechanism.coordinates
         held = [
-            self._sum(gears.slopes(gear, self._position, labels))
+            self._sum(
+                {
+                    label: gears.polynomial(gear.polynomial(label), self._position(label))[1]
+                    for label in gear.ratios
+                }
+            )
             for gear in geared
             if gear.ratios.keys() <= {*labels}
         ]

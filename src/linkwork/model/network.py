@@ -8,7 +8,8 @@ A spanning tree of the joints reaches every body; the others close loops. A clos
 A: wrenches that do no work in its motion, P: force on each of its rates, f: actuators, friction,
 springs and rotors, G, mu: slopes and multipliers of the gears. What a body needs beyond that its
 joint of the tree brings, from the ends of the tree inward; this joint's own motion S then gives the
-conditions on lambda and mu,  S' W = f + G' mu.
+conditions on lambda and mu,  S' W = f + G' mu. Where a gear holds a length, mu also pulls at
+bodies, which need so much less of their joints.
 
 Where constraints depend on each other the conditions leave some directions open. Of all
 distributions the one is taken whose constraint wrenches W - P (f + G' mu), moments divided by a
@@ -24,7 +25,7 @@ from functools import cached_property
 import numpy as np
 
 from linkwork.equations import mobility
-from linkwork.equations.gears import slopes
+from linkwork.equations.gears import pushed
 from linkwork.equations.joints import held_length
 from linkwork.equations.topology import Rim
 from linkwork.mechanism import GROUND, Mechanism
@@ -53,7 +54,8 @@ class Network:
     closing joints.
 
     joints: names; pairs: places of each joint's first and second body (-1: ground); rates: of each
-    joint; rods: places of rods; geared: gear and rate of each coordinate of each gear
+    joint; rods: places of rods; geared: gear and rate, pulled: gear and body, of all that gears
+    push
     """
 
     joints: tuple[str, ...]
@@ -64,6 +66,7 @@ class Network:
     closing: tuple[int, ...]
     gears: int
     geared: tuple[tuple[int, int], ...]
+    pulled: tuple[tuple[int, int], ...]
 
     @classmethod
     def of(cls, mechanism: Mechanism) -> Network:
@@ -97,14 +100,14 @@ class Network:
         # The others close loops; gears hold rates, G w = 0.
         in_tree = {branch.joint for branch in branches}
         closing = tuple(k for k in range(len(pairs)) if k not in in_tree)
-        labels, gears = mechanism.rates, mechanism.gears.values()
-        geared = tuple(
-            (k, labels.index(label))
-            for k, gear in enumerate(gears)
-            for label in slopes(gear, lambda _: 0.0, mechanism.coordinates)
+        labels = mechanism.rates
+        pushes = [pushed(gear, mechanism) for gear in mechanism.gears.values()]
+        geared = tuple((k, labels.index(rate)) for k, own in enumerate(pushes) for rate in own[0])
+        pulled = tuple((k, place[body]) for k, own in enumerate(pushes) for body in own[1])
+        return cls(
+            *(tuple(described), pairs, rates, rods, tuple(branches), closing),
+            *(len(pushes), geared, pulled),
         )
-        names = tuple(mechanism.pairs)
-        return cls(names, pairs, rates, rods, tuple(branches), closing, len(gears), geared)
 
     @cached_property
     def unknowns(self) -> dict[int, slice]:
@@ -195,7 +198,8 @@ class Loads:
     needed: [moment about the centre; force] of each body (K, r, 6); centres: (K, r, 3); origins: of
         F1, F2 (K, J, 2, 3)
     twists: of each rate at the origin of F2 (K, m, 6); f: known forces on the rates (K, m); G:
-        slopes of the gears (K, gears, m)
+        slopes of the gears (K, gears, m); pulls: [moment about the centre; force] on bodies of unit
+        multipliers, in the order of `Network.pulled` (K, pulled, 6)
     """
 
     needed: np.ndarray
@@ -204,6 +208,7 @@ class Loads:
     twists: np.ndarray
     f: np.ndarray
     G: np.ndarray
+    pulls: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,6 +267,11 @@ def columns_of(network: Network, loads: Loads) -> tuple[np.ndarray, np.ndarray, 
     # About the first body's centre, wrenches are summed from the ends of the tree inward.
     middle, closing = loads.centres[:, :1], network.closing
     sums[..., 0] = moved(loads.needed[..., None], loads.centres - middle)[..., 0]
+    for (gear, body), pull in zip(network.pulled, np.swapaxes(loads.pulls, 0, 1), strict=True):
+        lever = loads.centres[:, body] - middle[:, 0]
+        sums[:, body, :, network.columns - network.gears + gear] -= moved(pull[..., None], lever)[
+            ..., 0
+        ]
     taken = moved(W[:, closing], ends[:, closing] - middle)
     for i, k in enumerate(closing):
         for body, sign in zip(network.pairs[k], (1, -1), strict=True):

@@ -42,8 +42,8 @@ class Reactions:
         forces included
     constraint: (..., joints, 6), the part that does no work in the joint's motion: without those
         forces
-    gears: multiplier of each gear (...) by name; it pushes every geared rate by the gear's slope
-        there, which is the ratio where it has no powers, times that
+    gears: multiplier of each gear (...) by name; it pushes every geared rate, and pulls along every
+        length, by the gear's slope there, which is the ratio where it has no powers, times that
     frame: "ground": about the origin of F1 in the ground's axes; "first": the same in F1's axes;
         "second": about the origin of F2 in F2's axes
     indeterminate: components in that frame, by joint, that rigid bodies leave open, for constraints
@@ -162,13 +162,16 @@ def balanced_part(
     unit, outside = np.repeat([length, 1.0], 3), samples.applied
     if outside is None:
         outside = np.zeros((len(samples.q), len(robot.bodies), 6))
-    needed, centres, origins, twists, f, slopes, _ = loads(robot, samples, outside)
+    needed, centres, origins, twists, f, slopes, pulls, _ = loads(robot, samples, outside)
     count, bodies, joints = len(f), len(robot.bodies), len(network.joints)
     needed, origins = needed.reshape(count, bodies, 6), origins.reshape(count, joints, 2, 3)
     needed = needed - outside
     centres, twists = centres.reshape(count, bodies, 3) / length, twists.reshape(*f.shape, 6) * unit
     G = network.pushed(slopes)
-    balance = balanced(network, Loads(needed / unit, centres, origins / length, twists, f, G))
+    pulls = pulls.reshape(count, len(network.pulled), 6) / unit
+    balance = balanced(
+        network, Loads(needed / unit, centres, origins / length, twists, f, G, pulls)
+    )
     parts = np.concatenate(
         [balance.wrenches[..., None], balance.constraint[..., None], balance.free], axis=3
     )
