@@ -81,6 +81,7 @@ class Compiler:
         mesh_folder: folder of mesh files, relative to the model's own.
         strip_path: names of files without their folders.
         fit_box: geoms are fitted to the box around a mesh, not to that of equal inertia.
+        align_free: frames of free bodies are put into their principal axes.
     """
 
     degrees: bool = True
@@ -95,6 +96,7 @@ class Compiler:
     mesh_folder: str = ""
     strip_path: bool = False
     fit_box: bool = False
+    align_free: bool = False
 
     def angle(self, value: float) -> float:
         """Return an angle of the file in radians."""
@@ -143,6 +145,7 @@ class Compiler:
             ),
             strip_path=flag(section, "strippath", self.strip_path),
             fit_box=flag(section, "fitaabb", self.fit_box),
+            align_free=flag(section, "alignfree", self.align_free),
         )
 
 

@@ -65,7 +65,7 @@ def _of_body(
         (geom, X) for geom, X in node.geoms if geom.attributes.get("fluidshape") == "ellipsoid"
     ]
     if not immersed:
-        yield node.name, _box(document, node, notes)
+        yield node.name, _box(node, notes)
     for number, (geom, X) in enumerate(immersed, start=1):
         found = _half_axes(document, tree, geom, notes)
         if found is not None:
@@ -110,34 +110,23 @@ def _half_axes(
     return size, place
 
 
-def _box(document: Document, node: ModelBody, notes: Notes) -> BoxDrag:
+def _box(node: ModelBody, notes: Notes) -> BoxDrag:
     """Return the box that has a body's inertia, along its principal axes."""
-    R = _principal(document, node, notes)
+    R = node.axes
     moments = np.diag(R.T @ node.solid.inertia @ R)
+    if node.own_axes is None and _is_open(moments, R):
+        notes.on(node.element, UNTURNED, alters=True)
     sides = sides_of(moments, node.solid.mass)
     frame = poses.frame_of(poses.pose(node.solid.centre, R))
     return BoxDrag(body=node.name, frame=frame, size=poses.triple(sides))
 
 
+def _is_open(moments: np.ndarray, R: np.ndarray) -> bool:
+    """Tell whether moments are equal, so that rounding decides on axes that are turned."""
+    upright = (np.abs(R).max(axis=0) == 1).all()
+    return not upright and np.abs(np.diff(moments)).min() <= ALIKE * moments[0]
+
+
 def sides_of(moments: np.ndarray, mass: float) -> np.ndarray:
     """Return the edges of the box of some principal moments and mass."""
     return np.sqrt(6 * np.maximum(moments.sum() - 2 * moments, FLAT) / mass)
-
-
-def _principal(document: Document, node: ModelBody, notes: Notes) -> np.ndarray:
-    """Return the principal axes of a body's inertia: those of <inertial>, of its one geom or of
-    itself where they are some, for moments that are equal have no axes of their own."""
-    tensor, own = node.solid.inertia, []
-    if node.inertial is not None:
-        own.append(document.rotation(node.inertial))
-    elif len(node.geoms) == 1 and kind_of(node.geoms[0][0]) in SIZES:
-        ((geom, X),) = node.geoms
-        own.append((X @ measured(document, geom)[1])[:3, :3])
-    moments, axes = np.linalg.eigh(tensor)
-    for R in (*own, np.eye(3)):
-        seen = R.T @ tensor @ R
-        if np.abs(seen - np.diag(np.diag(seen))).max() <= ALIKE * moments[-1]:
-            return R
-    if np.diff(moments).min() <= ALIKE * moments[-1]:
-        notes.on(node.element, UNTURNED, alters=True)
-    return axes * (1, 1, np.linalg.det(axes))

@@ -19,6 +19,7 @@ from linkwork.errors import LinkworkError
 from linkwork.formats import poses
 from linkwork.formats.mjcf.attachments import mesh_name
 from linkwork.formats.mjcf.document import Document
+from linkwork.formats.mjcf.principal import principal_axes
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element, shortened
 from linkwork.mechanism import MechanismError, Polygon
@@ -212,6 +213,16 @@ class Meshes:
             size = _alike(geom.attributes.get("type", "sphere"), half)
         return geom.number("fitscale", 1.0) * size, X
 
+    def axes(self, geom: Element) -> np.ndarray | None:
+        """Return the principal axes of a geom's mesh in the body's frame, by columns; None where
+        there is no mesh."""
+        try:
+            asset = self.asset(geom)
+            X = principal(asset.solid)[1]
+        except LinkworkError:
+            return None
+        return (asset.document.pose(geom) @ X)[:3, :3]
+
     def reach(self, geom: Element, notes: Notes) -> tuple[np.ndarray, np.ndarray] | None:
         """Return how far a geom's mesh reaches from its mass centre along its principal axes, and
         the pose of these in the body's frame; None with a note where there is no mesh."""
@@ -226,9 +237,8 @@ class Meshes:
 def principal(solid: Solid) -> tuple[np.ndarray, np.ndarray]:
     """Return a solid's principal moments, the greatest first as MuJoCo has those of meshes, and
     the pose of the axes."""
-    moments, axes = np.linalg.eigh(solid.inertia)
-    axes = axes[:, ::-1] * (1, 1, np.linalg.det(axes[:, ::-1]))
-    return moments[::-1], poses.pose(solid.centre, axes)
+    axes = principal_axes(solid.inertia)
+    return np.diag(axes.T @ solid.inertia @ axes), poses.pose(solid.centre, axes)
 
 
 def _around(kind: str, half: np.ndarray) -> np.ndarray:

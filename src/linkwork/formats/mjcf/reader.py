@@ -19,6 +19,7 @@ from linkwork.formats import poses
 from linkwork.formats.masses import solid_of
 from linkwork.formats.mjcf import flattening
 from linkwork.formats.mjcf.actuators import Actuation, ActuatorReader, ball_drives, driven_sites
+from linkwork.formats.mjcf.alignment import aligned
 from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.fluid import drags_of, fluid_of
 from linkwork.formats.mjcf.inertia import with_spring_dampers
@@ -83,7 +84,7 @@ def read_mjcf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
 def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
     # The tree of bodies.
     root = document.root
-    tree = read_tree(document, notes)
+    tree = aligned(document, read_tree(document, notes))
     added = reflected(document, tree, notes)
     tree = with_reflected(with_spring_dampers(document, tree, notes), added.joints)
     loops = LoopReader(document, tree, notes)

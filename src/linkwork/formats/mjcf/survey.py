@@ -90,7 +90,7 @@ ATTRIBUTES: dict[str, set[str]] = {
         "boundmass", "boundinertia", "settotalmass", "balanceinertia", "meshdir", "texturedir",
         "assetdir", "strippath", "discardvisual", "usethread", "fitaabb", "fusestatic",
         "saveinertial", "convexhull", "exactmeshinertia", "savecanonical", "savecompiled",
-        "passthrough", "conflict",
+        "passthrough", "conflict", "alignfree",
     },
     "option": {
         "gravity", "collision",
@@ -105,7 +105,7 @@ ATTRIBUTES: dict[str, set[str]] = {
     "frame": POSE | {"childclass"},
     "inertial": POSE | {"mass", "diaginertia", "fullinertia"},
     "joint": JOINT | SOLVING,
-    "freejoint": set(),
+    "freejoint": {"align"},
     "geom": POSE | GEOM | SOLVING,
     "site": POSE | {"type", "size", "fromto", "mesh"},
     "connect": {"active", "body1", "body2", "anchor", "site1", "site2"} | SOLVING,

@@ -22,15 +22,18 @@ from linkwork.formats import poses
 from linkwork.formats.mjcf.document import MAIN, OWN, Document
 from linkwork.formats.mjcf.geoms import (
     SHAPES,
+    SIZES,
     fromto,
     is_heavy,
     is_shown,
     kind_of,
     materials_of,
+    measured,
     shown,
     weighed,
 )
 from linkwork.formats.mjcf.meshes import Meshes
+from linkwork.formats.mjcf.principal import principal_axes
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
@@ -97,8 +100,8 @@ class ModelBody:
     """Hold a body: its parent, its pose X_parent_body at qpos0, its joints, its mass, its
     shapes.
 
-    geoms: with their defaults, and the poses of the frames around them in the body; inertial: the
-        element that gives its inertia, if one does
+    geoms: with their defaults, and the poses of the frames around them in the body; own_axes: those
+        of its inertia that the file gives, if it does
     """
 
     name: str
@@ -110,7 +113,12 @@ class ModelBody:
     solid: Solid
     shapes: tuple[Shape, ...] = ()
     geoms: tuple[tuple[Element, np.ndarray], ...] = ()
-    inertial: Element | None = None
+    own_axes: np.ndarray | None = None
+
+    @property
+    def axes(self) -> np.ndarray:
+        """The principal axes of its inertia in its frame, by columns."""
+        return principal_axes(self.solid.inertia) if self.own_axes is None else self.own_axes
 
 
 @dataclass
@@ -250,11 +258,10 @@ class TreeReader:
                 "a free joint is the only joint of a body that stands directly in the world"
             )
         pieces, solid = tuple(parts.pieces), self.solid(element, parts)
-        given = self.document.compiler_of(element).from_geoms != "true"
         self.tree.nodes[name] = ModelBody(
             *(name, raw, parent, place, element, pieces, solid, self.shapes(parts)),
             geoms=tuple(parts.geoms),
-            inertial=parts.inertial if given else None,
+            own_axes=self.own_axes(element, parts),
         )
 
     def contents(
@@ -437,6 +444,22 @@ class TreeReader:
             self.notes.on(element, ONLY_MESHES, alters=True)
         away = np.array(element.vector("pos", (0.0, 0.0, 0.0)))
         return Solid(0.0, away, np.zeros((3, 3)))
+
+    def own_axes(self, element: Element, parts: _Parts) -> np.ndarray | None:
+        """Return the axes that the file gives to a body's inertia: those of <inertial>, or of the
+        one geom that has mass."""
+        document = self.document
+        if parts.inertial is not None and document.compiler_of(element).from_geoms != "true":
+            given = "fullinertia" not in parts.inertial.attributes
+            return document.rotation(parts.inertial) if given else None
+        heavy = [(geom, X) for geom, X in parts.geoms if is_heavy(document, geom)]
+        if len(heavy) != 1:
+            return None
+        ((geom, X),) = heavy
+        if "mesh" not in geom.attributes and kind_of(geom) in SIZES:
+            return (X @ measured(document, geom)[1])[:3, :3]
+        axes = self.meshes.axes(geom)
+        return None if axes is None else X[:3, :3] @ axes
 
     def inertial(self, element: Element) -> Solid:
         X = self.document.pose(element)

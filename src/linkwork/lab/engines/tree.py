@@ -47,7 +47,8 @@ def coupled(mechanism: Mechanism) -> set[str]:
     owner = {
         label: name for name, joint in mechanism.joints.items() for label in joint.coordinates(name)
     }
-    return {owner[label] for gear in mechanism.gears.values() for label in gear.ratios} | {
+    geared = (label for gear in mechanism.gears.values() for label in gear.ratios)
+    return {owner[label] for label in geared if label in owner} | {
         name
         for name, joint in mechanism.pairs.items()
         if any(motion == "screw" for motion, _ in MOTIONS[joint.type])
