@@ -32,6 +32,7 @@ from scipy.spatial.transform import Rotation
 
 import linkwork as lw
 from linkwork.formats.models import FORMATS, MODELS, read
+from linkwork.formats.reading import Reading
 
 SPANS, STEPS = (1e-5, 1e-7), 4  # of the motion beside the other engine [s], and of its integrator
 RIGHT = 1e-8  # of which rounding within so short a time takes up to a half
@@ -316,13 +317,13 @@ def without_stops(robot: lw.Robot) -> lw.Robot:
     return lw.Robot(robot.mechanism.model_copy(update={"transmissions": {**lines, **free}}))
 
 
-def row_of(path: Path, seconds: float) -> dict[str, Any]:
-    """Return what is found of one file."""
+def row_of(path: Path, seconds: float, root: Path) -> dict[str, Any]:
+    """Return what is found of one file; root: a folder whose files it may include."""
     began = time.process_time()
     row: dict[str, Any] = dict.fromkeys(COLUMNS, "")
     row["file"] = str(path)
     try:
-        imported = read(path)
+        imported = read(path, Reading(includes=(root,)))
         row |= {"read": "yes", "caveats": len(imported.mechanism.caveats)}
         robot = lw.Robot(imported.mechanism)
         row["mobility"] = robot.mobility
@@ -369,16 +370,16 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=1.0)
     parser.add_argument("--limit", type=float, default=150.0, help="seconds for one file")
     parser.add_argument("--out", type=Path, help="a CSV file for the table")
-    parser.add_argument("--one", action="store_true", help="FOLDER is one file; print its row")
+    parser.add_argument("--one", type=Path, help="a file of FOLDER alone; print its row")
     asked = parser.parse_args()
     if asked.one:
         warnings.simplefilter("ignore")
-        print(json.dumps(row_of(asked.folder, asked.seconds)))
+        print(json.dumps(row_of(asked.one, asked.seconds, asked.folder)))
         return
     rows = []
     for path in models_in(asked.folder, asked.only):
-        command = [sys.executable, "-m", __spec__.name, str(path), "--one"]
-        command += ["--seconds", str(asked.seconds)]
+        command = [sys.executable, "-m", __spec__.name, str(asked.folder)]
+        command += ["--one", str(path), "--seconds", str(asked.seconds)]
         row = dict.fromkeys(COLUMNS, "") | {"file": str(path)}
         try:
             done = subprocess.run(

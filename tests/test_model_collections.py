@@ -49,7 +49,7 @@ def test_rows_of_files_that_run_and_of_files_that_are_refused(tmp_path):
     (tmp_path / "notes.xml").write_text("<notes/>")
     paths = models_in(tmp_path, "")
     assert [path.name for path in paths] == ["arm.urdf", "wrong.urdf"]
-    good, bad = (row_of(path, 0.1) for path in paths)
+    good, bad = (row_of(path, 0.1, tmp_path) for path in paths)
     assert good["read"] == "yes" and good["run"] == "FINISHED" and float(good["end"]) == 0.1
     assert float(good["closure"]) == 0 and float(good["apart"]) < RIGHT
     assert bad["read"] == "refused" and "holds no links" in bad["run"]

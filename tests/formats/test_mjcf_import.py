@@ -342,7 +342,7 @@ LEFT_OUT = {
         "<actuator><motor joint='j' ctrlrange='1 -1'/></actuator>"
     ): "<motor> says ctrlrange '1 -1': no limit, here as in MuJoCo, for the lower end is above",
     "<wings/>": "<wings> is left out: it is not known",
-    "<option><flag spring='disable'/></option>": "<flag> switches spring off, which is left out",
+    "<option><flag actuation='disable'/></option>": "switches actuators off, which is left out",
     "<equality><flex/></equality>": (
         "<flex> is left out: only connect, weld, joint and tendon are joints"
     ),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import inf, radians
 from pathlib import Path
 
@@ -154,6 +155,15 @@ def flag(element: Element, name: str, default: bool) -> bool:
     return element.choice(name, ("true", "false"), "true" if default else "false") == "true"
 
 
+SWITCHED = {
+    "spring": (("joint", "tendon"), "stiffness"),
+    "damper": (("joint", "tendon", "actuator"), "damping"),
+    "frictionloss": (("joint", "tendon"), "frictionloss"),
+}
+"""What flags of options switch off: attributes of some kinds of elements."""
+CONSTRAINTS = {"equality", "frictionloss", "limit"}  # what the flag `constraint` switches off
+
+
 @dataclass(frozen=True)
 class Document:
     """Hold the root element with all files included, attachments and replicas written out, the
@@ -198,6 +208,21 @@ class Document:
         """Return the settings of the model that an element comes from."""
         return self.compilers[element.scope]
 
+    @cached_property
+    def off(self) -> frozenset[str]:
+        """Names of the flags that the options switch off; the last word on each holds."""
+        said: dict[str, str] = {}
+        for option in self.root.each("option"):
+            for switches in option.each("flag"):
+                said |= switches.attributes
+        off = {name for name, state in said.items() if state == "disable"}
+        return frozenset(off | CONSTRAINTS if "constraint" in off else off)
+
+    @property
+    def passive(self) -> bool:
+        """Whether fluids and gravcomp act: without springs and dampers MuJoCo leaves them out."""
+        return not {"spring", "damper"} <= self.off
+
     def is_limited(self, element: Element, name: str = "range", limited: str = "limited") -> bool:
         """Tell whether a range holds: where nothing says so, one whose ends are in their order."""
         said = element.choice(limited, ("true", "false", "auto"), "auto")
@@ -224,7 +249,7 @@ class Document:
 
     def resolved(self, element: Element, kind: str, childclass: str = MAIN) -> Element:
         """Return an element with the defaults of its class, or of the class its body gives to its
-        children.
+        children, without what flags switch off.
 
         Args:
             kind: what defaults call the element; all actuators share one entry, as do all
@@ -233,9 +258,13 @@ class Document:
         name = element.attributes.get("class", childclass)
         if name not in self.defaults:
             raise element.refusal(f"there is no default class {xml.shortened(name)}")
-        return element.with_attributes(
-            overridden(self.defaults[name].settings(kind), element.attributes)
-        )
+        attributes = overridden(self.defaults[name].settings(kind), element.attributes)
+        for switch, (kinds, attribute) in SWITCHED.items():
+            if switch in self.off and kind in kinds:
+                attributes.pop(attribute, None)
+        if "limit" in self.off and kind in ("joint", "tendon"):
+            attributes["limited"] = "false"
+        return element.with_attributes(attributes)
 
     def pose(self, element: Element) -> np.ndarray:
         """Return the pose that pos and one form of orientation give."""

@@ -133,6 +133,10 @@ def with_spring_dampers(document: Document, tree: ModelTree, notes: Notes) -> Mo
                 stiffness = 0.0 if piece.kind == "free" else float(mass / (T * z) ** 2)
                 spring = {"stiffness": stiffness, "rest": piece.springref}
                 friction = {"viscous": float(2 * mass / T)}
+                if "spring" in document.off:
+                    spring = {}
+                if "damper" in document.off:
+                    friction = {}
                 piece = replace(
                     piece,
                     spring=piece.spring.model_copy(update=spring),

@@ -91,6 +91,9 @@ class LoopReader:
         found = Ties()
         for raw in self.document.each("equality"):
             element = self.document.resolved(raw, "equality")
+            if "equality" in self.document.off:
+                self.notes.on(element, "is left out: the options switch equalities off")
+                continue
             if not flag(element, "active", True):
                 self.notes.on(element, "is left out: it is not active")
                 continue

@@ -99,9 +99,10 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
         name: node.element.make(Body, **node.solid.fields(), shapes=node.shapes)
         for name, node in tree.nodes.items()
     } | joints.bodies
-    lifts = _lifts(tree)
+    lifts = _lifts(tree) if document.passive else {}
     fluid = fluid_of(document)
-    drags = drags_of(document, tree, notes) if fluid.density or fluid.viscosity else {}
+    acts = document.passive and (fluid.density or fluid.viscosity)
+    drags = drags_of(document, tree, notes) if acts else {}
     dragged = {drag.body for drag in drags.values()}
     # What closes loops: tendons, connects and welds, joint equalities.
     tendon_reader = TendonReader(document, loops, joints, names, notes, added.tendons)
@@ -169,9 +170,7 @@ def _gravity(document: Document) -> tuple[float, float, float]:
     gravity = EARTH
     for option in document.root.each("option"):
         gravity = option.vector("gravity", gravity)
-        if any(flag.attributes.get("gravity") == "disable" for flag in option.each("flag")):
-            return 0.0, 0.0, 0.0
-    return gravity
+    return (0.0, 0.0, 0.0) if "gravity" in document.off else gravity
 
 
 def _lifts(tree: ModelTree) -> dict[str, Lift]:

@@ -48,6 +48,7 @@ OFF = "actuatorgroupdisable"
 GROUPS_OFF = (
     "switches off actuators of some groups, which is left out: take these out of the file instead"
 )
+UNDRIVEN = "switches actuators off, which is left out: the forces are yours"
 MAKERS = ("composite", "attach", "flexcomp")
 """Elements of bodies by which MuJoCo's compiler makes others."""
 UNMADE = (
@@ -142,8 +143,6 @@ CONSEQUENCES = {
     ("joint", "springyield"): "springs do not yield",
 }
 NOTHING = {"0", "false", "none", "auto", ""}
-PASSIVE = ("equality", "spring", "damper", "frictionloss")
-FORCES = (*PASSIVE, "limit", "actuation")
 # Elements whose unread attributes move nothing.
 UNFELT = (
     "actuator",
@@ -190,17 +189,9 @@ def _switched_off(document: Document, notes: Notes) -> None:
     for option in document.root.each("option"):
         if groups & {*option.numbers(OFF, tuple(range(32)), ())}:
             notes.on(option, GROUPS_OFF, alters=True)
-        for flag in option.each("flag"):
-            for force in FORCES:
-                if flag.attributes.get(force) == "disable":
-                    notes.on(
-                        flag,
-                        (
-                            f"switches {force} off, which is left out: take such elements out of "
-                            "the file instead"
-                        ),
-                        alters=force in PASSIVE,
-                    )
+        for flag in option.each("flag") if "actuation" in document.off else ():
+            if "actuation" in flag.attributes:
+                notes.on(flag, UNDRIVEN)
 
 
 def _inside(element: Element, notes: Notes, unmade: str) -> None:
