@@ -145,6 +145,8 @@ class PinocchioSide:
         self.couplings, root = [], xml.read(path)
         for element in root.each("joint"):
             self._read_joint(element)
+        for element in root.each("transmission"):
+            self._read_rotor(element)
         for element in root.each("coupling"):
             self._read_coupling(element)
 
@@ -166,6 +168,17 @@ class PinocchioSide:
             row = np.zeros(self.nv)
             row[at], row[other] = 1.0, -mimic.number("multiplier", 1.0)
             self.couplings.append(row)
+
+    def _read_rotor(self, element: Any) -> None:
+        """Take the inertia of a rotor behind its gear, which Drake's files have."""
+        joint, actuator = element.first("joint"), element.first("actuator")
+        at = None if joint is None else self._index(joint.attributes.get("name", ""))
+        if at is None or actuator is None:
+            return
+        ratio, inertia = actuator.first("drake:gear_ratio"), actuator.first("drake:rotor_inertia")
+        if ratio is not None and inertia is not None:
+            own = ratio.number("value") ** 2 * inertia.number("value")
+            self.model.armature[at] = own
 
     def _read_coupling(self, element: Any) -> None:
         """Take a gear of URDF+: ratio * (rates on the way to the predecessor) = (to the successor),

@@ -143,7 +143,9 @@ def test_flexible_bodies_stay_left_out(tmp_path):
     )
     with pytest.warns(ModelWarning) as told:
         imported = load(written(tmp_path, attached=flexible, more="", mesh="tip"))
-    assert ["is left out: it makes bodies" in str(each.message) for each in told] == [True, True]
+    remarks = [str(each.message) for each in told]
+    assert ["is left out: it makes bodies" in remark for remark in remarks] == [True, False]
+    assert "is left out: it is soft" in remarks[1]
     assert {*imported.mechanism.bodies} == {"base", "f"}
 
 
@@ -188,3 +190,17 @@ def test_a_mujoco_that_cannot_save_so_is_told(tmp_path, monkeypatch):
 def test_text_without_lines_of_a_file_refuses_without_them(tmp_path):
     root = xml.parsed(b"<a><b/></a>", tmp_path / "model.xml", lined=False)
     assert str(root.children[0].refusal("is not so")) == f"{tmp_path / 'model.xml'}: <b>: is not so"
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+def test_soft_parts_are_warned_of_and_rigid_ones_noted(rigid, tmp_path):
+    part = '<flexcomp name="s" type="grid" count="3 3 1" spacing="0.1 0.1 0.1" dim="2"{}/>'
+    path = tmp_path / "model.xml"
+    path.write_text(
+        '<mujoco><worldbody><body><joint name="h"/><geom size="0.1"/>'
+        f"{part.format(' rigid=' + repr('true') if rigid else '')}</body></worldbody></mujoco>"
+    )
+    imported = load(path)
+    (note,) = imported.notes
+    assert ("rigid and without mass" if rigid else "is soft, and bodies are rigid here") in note
+    assert len(imported.mechanism.caveats) == (not rigid)

@@ -27,7 +27,7 @@ from linkwork.formats.mjcf.joints import Coupling, Joints, read_joints
 from linkwork.formats.mjcf.loops import Equality, LoopReader, Ties
 from linkwork.formats.mjcf.reflected import reflected, with_reflected
 from linkwork.formats.mjcf.replicas import every
-from linkwork.formats.mjcf.survey import MAKERS, UNMADE, survey
+from linkwork.formats.mjcf.survey import MAKERS, SOFT, UNMADE, survey
 from linkwork.formats.mjcf.tendons import TendonReader, Tendons
 from linkwork.formats.mjcf.tree import COORDINATES, NEAR, ModelTree, read_tree
 from linkwork.formats.names import FreeNames
@@ -78,7 +78,8 @@ def read_mjcf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
         maker = next((part for part in world if part.tag in MAKERS), None)
         if maker is None:
             raise
-        raise maker.refusal(f"{unmade} ({error})") from None
+        reason = SOFT if maker.tag == flattening.FLEXIBLE else unmade
+        raise maker.refusal(f"{reason} ({error})") from None
 
 
 def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:

@@ -51,6 +51,10 @@ GROUPS_OFF = (
 UNDRIVEN = "switches actuators off, which is left out: the forces are yours"
 MAKERS = ("composite", "attach", "flexcomp")
 """Elements of bodies by which MuJoCo's compiler makes others."""
+SOFT = (
+    "is soft, and bodies are rigid here; put bodies with joints and springs in its place, or take "
+    "it out"
+)
 UNMADE = (
     "makes bodies, joints and sites that are not read; write them out first, as "
     "MuJoCo's own compiler saves them (MjSpec.to_xml, mj_saveLastXML)"
@@ -217,9 +221,19 @@ def _inside(element: Element, notes: Notes, unmade: str) -> None:
         elif child.tag in known:
             _inside(child, notes, unmade)
         elif child.tag in MAKERS and element.tag not in UNFELT:
-            notes.on(child, f"is left out: it {unmade}", alters=True)
+            _maker(child, notes, unmade)
         elif child.tag not in SILENT_ELEMENTS:
             notes.on(child, "is left out: it is not known here", alters=element.tag not in UNFELT)
+
+
+def _maker(element: Element, notes: Notes, unmade: str) -> None:
+    """Note an element by which MuJoCo makes others."""
+    if element.tag != "flexcomp":
+        notes.on(element, f"is left out: it {unmade}", alters=True)
+    elif element.choice("rigid", ("true", "false"), "false") == "true":
+        notes.on(element, "is left out: it is rigid and without mass, and nothing but touches")
+    else:
+        notes.on(element, f"is left out: it {SOFT}", alters=True)
 
 
 def _equality(element: Element, notes: Notes) -> None:
