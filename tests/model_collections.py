@@ -43,7 +43,8 @@ COLUMNS = ("file", "read", "caveats", "mobility", "other", "apart", "run", "end"
 
 
 class MuJoCoSide:
-    """A model as MuJoCo reads it, without contacts, limits, actuators and its own dry friction."""
+    """A model as MuJoCo reads it, without contacts, limits, actuators and its own dry friction, and
+    without what is of files that are not there or no meshes."""
 
     def __init__(self, path: Path):
         import mujoco as mj
@@ -51,7 +52,7 @@ class MuJoCoSide:
         try:
             model = mj.MjModel.from_xml_path(str(path))
         except ValueError as error:
-            if "opening file" not in str(error):
+            if not any(words in str(error) for words in ("opening file", "decoder")):
                 raise
             try:
                 model = without(mj.MjSpec.from_file(str(path)), meshes=False).compile()

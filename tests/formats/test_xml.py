@@ -98,6 +98,7 @@ BROKEN = {
     "attributes that touch": ('name="a" pos', 'name="a"pos'),
     "an unprinted character": ("</worldbody>", "\x0b</worldbody>"),
     "Windows letters": ("</worldbody>", "<!-- Größe -->\n</worldbody>"),
+    "the last end tag twice": ("</worldbody></mujoco>", "</worldbody>\n  </mujoco>\n</mujoco>"),
     "a document type of a name": ("<mujoco", "<!DOCTYPE mujoco>\n<mujoco"),
 }
 WELL_FORMED = """<?xml version="1.0"?>
