@@ -76,7 +76,7 @@ WINGS = {
         *("ensemble", "measuring", "members", "one_by_one", "saved_rows", "side_by_side"),
     ),
     "events, stiffness": (
-        *("bends", "events", "native_events", "native_occurrences", "native_search"),
+        *("bends", "cable_leaps", "events", "native_events", "native_occurrences", "native_search"),
         "native_watch",
         *("native_rosenbrock", "rosenbrock"),
     ),

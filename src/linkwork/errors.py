@@ -9,5 +9,5 @@ class LinkworkError(ValueError):
 
 
 class ModelWarning(UserWarning):
-    """Tell how a mechanism moves otherwise than the model file that it was read from says, or that
-    its home is beside a reference at which branches meet."""
+    """Tell how a mechanism moves otherwise than the model file that it was read from says, that its
+    home is beside a reference at which branches meet, or that a run begins where a cable leaps."""

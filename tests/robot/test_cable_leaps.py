@@ -1,11 +1,15 @@
 """Cables at surfaces: no run goes on silently where the energy of a cable would leap, and a cable
 that ends on its drum is as long as plane geometry has it."""
 
+import warnings
+
 import casadi as ca
 import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.errors import ModelWarning
+from linkwork.stepping import StepError
 
 CRANK = """linkwork: 1
 bodies: {{crank: {{mass: 1, inertia: {{xx: 0.02, yy: 0.05, zz: 0.05}}}}}}
@@ -75,3 +79,67 @@ def test_where_a_cable_comes_off_rounding_does_not_take_it_to_the_other_side():
     q = off + np.outer([1e-11, 1e-9, 1e-7], np.linspace(-1, 1, 101)).reshape(-1, 1)
     found = robot.forward_dynamics(robot.state(q, np.zeros_like(q)), [0.0])
     assert abs(found - found[50]).max() < 1e-6
+
+
+LEAPS = [(LED, SPRING, 1.5 * np.pi), (SHORT, "inertia: 0.2", np.pi)]
+
+
+@pytest.mark.parametrize(("surface", "law", "leap"), LEAPS)
+def test_whoever_begins_where_a_cable_leaps_is_told(surface, law, leap):
+    robot = crank(surface, law)
+    there, beside = robot.state([leap - 5e-4], [1.0]), robot.state([leap - 2e-3], [-1.0])
+    told = {"match": "a run begins where pull leaps at the .* of ground .path.1., within 1e-3 rad"}
+    with pytest.warns(ModelWarning, **told):
+        robot.simulate(there, duration=1e-3)
+    with pytest.warns(ModelWarning, match="1 state of 2"):
+        robot.ensemble(robot.state([[leap - 5e-4], [1.0]], [[1.0], [1.0]]), duration=1e-3)
+    with pytest.warns(ModelWarning, **told):
+        stepper = robot.stepper(there, 1e-3)
+    with pytest.warns(ModelWarning, **told):
+        stepper.reset(there)
+    many = robot.stepper(robot.state([[1.5], [1.5]], [[1.0], [1.0]]), 1e-3)
+    with pytest.warns(ModelWarning, **told):
+        many.reset(1, there)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = robot.simulate(beside, duration=1e-3)
+        robot.resume(run, duration=1e-3)
+        robot.stepper(beside, 1e-3).step()
+
+
+@pytest.mark.parametrize("speed", [0.5, 8.0, -8.0])
+@pytest.mark.parametrize(("surface", "law", "leap"), LEAPS)
+def test_steppers_stop_before_a_leap_as_runs_do(surface, law, leap, speed):
+    """At 8 rad/s the range in which a cable is as good as leaping is passed within a step."""
+    robot = crank(surface, law)
+    start = robot.state([leap - 0.02 * np.sign(speed)], [speed])
+    ends = robot.simulate(start, duration=1.0, method="rk4", step=1e-3)
+    assert ends.status is lw.Status.EVENT
+    stepper = robot.stepper(start, 1e-3)
+    with pytest.raises(StepError, match="ended by the event 'pull leaps at") as told:
+        stepper.step(steps=1000)
+    assert told.value.status is lw.Status.EVENT
+    assert told.value.time == pytest.approx(ends.time[-1], abs=1e-12)
+    np.testing.assert_allclose(stepper.q, ends["joint_position"].values[-1], rtol=0, atol=1e-12)
+    stepper.step()  # whoever goes on does so knowingly
+    # Members keep the state before the step; the others go on.
+    away = robot.state([1.0], [0.1])
+    pair = [
+        np.array([getattr(one, part) for one in (start, away)] * 5)
+        for part in ("positions", "rates")
+    ]
+    starts = robot.state(*pair)
+    many = robot.stepper(starts, 1e-3)
+    many.step(steps=30)
+    many.step(steps=20)
+    whole = int(ends.time[-1] / 1e-3)
+    assert many.status.tolist() == [int(lw.Status.EVENT), 0] * 5
+    assert many.time[::2] == pytest.approx(whole * 1e-3) and many.time[1::2] == pytest.approx(0.05)
+    other = robot.stepper(start, 1e-3)
+    other.step(steps=whole)
+    np.testing.assert_array_equal(many.y[::2], np.tile(other.y, (5, 1)))
+    with pytest.raises(StepError, match="pull leaps at"):
+        many.alone(0).step()
+    many.reset(0, away)
+    many.step(steps=5)
+    assert many.status[0] == 0

@@ -22,6 +22,7 @@ from linkwork.model.chart_transfer import reread
 from linkwork.model.charts import CompiledChart
 from linkwork.model.parameters import with_parameters
 from linkwork.model.state import State
+from linkwork.runs.cable_leaps import tell_leaps
 from linkwork.runs.system import FREED, System, plain, require_starts, system
 from linkwork.simulation import Sampled, Signal
 from linkwork.simulation.many import MemberInputs, as_inputs, require_covers
@@ -245,6 +246,7 @@ def members(
     require_possible(
         robot, {name: values for name, values in varied.items() if name in robot.parameters}, q, p
     )
+    tell_leaps(robot, q, p[:, : robot.p.size])
     return Members(robot, runs, each, chart, state, told, q, v, p, varied, (0.0, duration))
 
 

@@ -19,6 +19,7 @@ from linkwork.model.parameters import with_parameters
 from linkwork.model.state import State
 from linkwork.patience import ongoing
 from linkwork.runs import recording
+from linkwork.runs.cable_leaps import tell_leaps
 from linkwork.runs.recording import Left
 from linkwork.runs.settings import Settings
 from linkwork.runs.system import Forces, System, require_starts, system
@@ -83,6 +84,7 @@ def prepared(
     if left is None:
         if runs.acting is not None:
             require_starts(runs, state)
+            tell_leaps(robot, state.q, robot.p)
         return robot, state, runs, settings
     if left.extras.size != len(runs.extras):
         raise LinkworkError(

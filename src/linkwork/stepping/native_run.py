@@ -17,7 +17,7 @@ PLACES = {
     for name in (
         *("t", "rhythm", "status", "evaluations", "accepted", "rejected", "projections", "fault"),
         *("next_sample", "since", "votes", "pivot", "pivot_time", "closure_error"),
-        *("rejected_pivot", "rejected_residual", "room"),
+        *("rejected_pivot", "rejected_residual", "room", "saved"),
     )
 }
 CELL = {name: STEPPING.place(name) for name in STEPPING.fields}
@@ -80,6 +80,8 @@ class NativeRun:
             control = Control(control.address, control.period, held, int(outcome.next_sample))
         ends = [outcome.time], self.seen, self.inputs, [outcome.closure_error, -1.0]
         row = np.concatenate(ends)[None]
+        saved = self.counts.item(PLACES["saved"]) if status is Status.EVENT else 0
+        found = self.rows[:saved].copy()
         bounds: dict[str, float | str] = {
             "pivot_bound": self.bound,
             "closure_tol": self.problem.closure_tol,
@@ -87,7 +89,7 @@ class NativeRun:
             "event": -1,
         }
         return Trajectory(
-            row, row[:0], self.y.copy(), self.turns.copy(), self.nq, outcome, control, bounds,
+            row, found, self.y.copy(), self.turns.copy(), self.nq, outcome, control, bounds,
             status,
         )  # fmt: skip
 

@@ -70,10 +70,12 @@ def onward(advance: Dispatcher) -> Dispatcher:
     @njit(**INLINED)
     def go(run):
         """Go on until the run stops; nothing is saved."""
-        run.accepted, run.rejected, run.arrived, run.status = min(run.accepted, 1), 0, True, OK
+        # Behind an event that ended a run the events are looked at anew.
+        run.accepted, run.halted = 0 if run.halted else min(run.accepted, 1), 0
+        run.rejected, run.arrived, run.status = 0, True, OK
         while run.arrived or run.status == OK:
             if run.arrived:
-                run.saved = 0
+                run.saved = run.saved if run.halted else 0
                 if not between(run):
                     break
             if not attempt(run):

@@ -25,6 +25,7 @@ from linkwork.model import chart_transfer, checks
 from linkwork.model.state import State
 from linkwork.patience import interruptions_held
 from linkwork.runs import endings, recording, resuming, running
+from linkwork.runs.cable_leaps import tell_leaps
 from linkwork.runs.passage import SOFT, Departure, Segment, Stand, portion
 from linkwork.runs.recording import Left
 from linkwork.runs.run_record import RunRecord
@@ -281,6 +282,7 @@ class Stepper:
             begun, left = self._robot.own(state), None
             if self._system.acting is not None:
                 require_starts(self._system, begun)
+                tell_leaps(self._robot, begun.q, self._robot.p)
         if time is not None:
             time = checks.number(time, "time")
         elif self._left is not None:

@@ -18,6 +18,7 @@ from linkwork.model.charts import CompiledChart
 from linkwork.model.closing import settled
 from linkwork.model.parameters import with_parameters
 from linkwork.model.state import State
+from linkwork.runs.cable_leaps import gaps, leaps, may_leap, tell_leaps
 from linkwork.runs.members import Members, forces_of_each, members
 from linkwork.runs.passage import LOWER, RECOVERED, SOFT
 from linkwork.runs.running import EXAMPLE
@@ -25,6 +26,7 @@ from linkwork.runs.settings import Settings
 from linkwork.runs.side_by_side import Stands, begun, in_better_charts, pivots
 from linkwork.runs.system import require_starts
 from linkwork.simulation import FIXED, MethodName, Status
+from linkwork.stepping.errors import StepError
 from linkwork.stepping.given_to_many import (
     Index,
     as_events,
@@ -42,6 +44,7 @@ from linkwork.stepping.native_many import (
     TURNED,
     WHEN,
     WRITTEN,
+    Herd,
     steps,
 )
 from linkwork.stepping.stepper import (
@@ -122,6 +125,7 @@ class Steppers(HeldMembers):
                 "each, robot.stepper(states.at(0), ...), or give it as a controller (t, state)"
             )
         self._forces, self._free = given, is_free(forces)
+        self._leaps = leaps(self._batch.robot.mechanism)
         self._furnish(own)
         self.reset()
 
@@ -178,6 +182,37 @@ class Steppers(HeldMembers):
 
     def _take(self, who: np.ndarray | slice, steps: int) -> None:
         """Take so many steps of members, of those that go on."""
+        if not self._leaps:
+            self._go_on(who, steps)
+            return
+        for _ in range(steps):
+            self._beside_leaps(who)
+
+    def _beside_leaps(self, who: np.ndarray | slice) -> None:
+        """Take one step of members of which cables may leap: who comes near that takes it as a
+        `Stepper` would, and where it ends there keeps the state before it."""
+        herd, charts, running = self._herd, self._of.copy(), self.status == OK
+        before, q = Herd(*(part.copy() for part in herd)), self.q.copy()
+        self._go_on(who, 1)
+        robot, p = self._batch.robot, self._batch.p_robot()
+        seen = [gaps(robot, place, p) for place in (q, (q + self.q) / 2, self.q)]
+        for i in np.flatnonzero(running & may_leap(*seen)).tolist():
+            after, chart = Herd(*(part[..., i].copy() for part in herd)), self._of[i]
+            self._set(i, Herd(*(part[..., i] for part in before)), charts[i])
+            try:
+                self.alone(i).step()
+                self._set(i, after, chart)
+            except StepError as error:
+                herd.status[i], self._teams = int(error.status), None
+
+    def _set(self, i: int, column: Herd, chart: int) -> None:
+        """Put a member back to a column of numbers, and to its chart."""
+        for part, own in zip(self._herd, column, strict=True):
+            part[..., i] = own
+        self._of[i], self._teams = chart, None
+
+    def _go_on(self, who: np.ndarray | slice, steps: int) -> None:
+        """Take so many steps of members, of those that go on, whatever happens within."""
         left = self._herd.numbers[LEFT]
         left[:] = 0
         left[who] = steps
@@ -253,6 +288,7 @@ class Steppers(HeldMembers):
             return replace(batch, given=given, told=told, q=q, v=v, p=p, forces=None)
         robot, given = batch.robot, require_states(batch.robot, state, who.size)
         require_starts(batch.system, given, batch.varied)
+        tell_leaps(robot, given.q, p[:, : robot.p.size])
         q, v = (np.broadcast_to(x, (who.size, x.shape[-1])).copy() for x in (given.q, given.rates))
         chart, told = robot.chart_of(given), np.ones(who.size, bool)
         if chart is robot.chart and chart is not robot.run_chart:
