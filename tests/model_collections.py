@@ -318,9 +318,14 @@ def apart(robot: lw.Robot, side: Any) -> float:
     return min(found)
 
 
-def without_stops(robot: lw.Robot) -> lw.Robot:
-    """Return a robot whose transmissions have no ends, as the other engine's have none here."""
-    lines = robot.mechanism.transmissions
+def as_seen(robot: lw.Robot, side: Any) -> lw.Robot:
+    """Return a robot without what the other engine has not here: ends of transmissions, and for
+    Pinocchio what carries weights of links (Gazebo's words, which it does not read)."""
+    mechanism = robot.mechanism
+    if mechanism.lifts and isinstance(side, PinocchioSide):
+        mechanism = mechanism.model_copy(update={"lifts": {}})
+        robot = lw.Robot(mechanism)
+    lines = mechanism.transmissions
     free = {
         name: line.model_copy(update={"stop": None})
         for name, line in lines.items()
@@ -328,7 +333,7 @@ def without_stops(robot: lw.Robot) -> lw.Robot:
     }
     if not free:
         return robot
-    return lw.Robot(robot.mechanism.model_copy(update={"transmissions": {**lines, **free}}))
+    return lw.Robot(mechanism.model_copy(update={"transmissions": {**lines, **free}}))
 
 
 def row_of(path: Path, seconds: float, root: Path) -> dict[str, Any]:
@@ -355,7 +360,7 @@ def row_of(path: Path, seconds: float, root: Path) -> dict[str, Any]:
         loops = len(robot.mechanism.pairs) > len(robot.bodies)
         if side is not None and side.bodies and not (loops and path.suffix == ".urdf"):
             try:
-                row["apart"] = f"{apart(without_stops(robot), side):.1e}"
+                row["apart"] = f"{apart(as_seen(robot, side), side):.1e}"
             except (lw.LinkworkError, ValueError, np.linalg.LinAlgError) as error:
                 row["apart"] = " ".join(str(error).split())[:60]
         run = robot.simulate(robot.home, duration=seconds)

@@ -19,6 +19,7 @@ from linkwork.formats.floating import FLOATING
 from linkwork.formats.masses import without_noise
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
+from linkwork.formats.programs import note_program
 from linkwork.formats.reading import Reading
 from linkwork.formats.sdf.includes import ScopeReader
 from linkwork.formats.sdf.joints import JointReader
@@ -49,6 +50,7 @@ SILENT = (
     *("model", "include", "link", "joint", "frame", "pose", "static", "gravity", "world", "actor"),
     *("self_collide", "allow_auto_disable", "enable_wind", "gui", "scene", "light", "state"),
     *("physics", "road", "audio", "population", "spherical_coordinates", "magnetic_field"),
+    *("wind", "atmosphere"),  # which act by programs alone
     *(*drake.BETWEEN, drake.JOINT, drake.BUSHING),
 )
 
@@ -123,7 +125,7 @@ def _survey(scopes: Iterable[Scope], notes: Notes) -> None:
     for scope in scopes:
         for child in scope.element.children:
             if child.tag == "plugin":
-                notes.on(child, "is left out: it is a program")
+                note_program(child, notes)
             elif child.tag == drake.BUSHING:
                 notes.on(child, drake.SOFT, alters=True)
             elif child.tag not in SILENT:

@@ -19,6 +19,7 @@ from linkwork.formats.masses import NOISE as RELATIVE
 from linkwork.formats.masses import without_noise
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
+from linkwork.formats.programs import note_program
 from linkwork.formats.reading import Reading
 from linkwork.formats.urdf.actuators import bound_of, read_actuation, reflected_inertia
 from linkwork.formats.urdf.model import (
@@ -203,13 +204,14 @@ def _survey(root: Element, notes: Notes) -> list[Element]:
     """Note the elements that are not read, and return the macros among them."""
     macros = [element for element in root.children if element.tag.startswith("xacro:")]
     links = {link.attributes.get("name", "") for link in root.each("link")}
+    mimics = {each.attributes.get("name", "") for each in root.each("joint") if each.first("mimic")}
     for element in macros:
         # What defines something makes nothing by itself.
         alters = element.tag not in DEFINITIONS
         notes.on(element, f"is left out: it {MACRO}", alters)
     for element in (each for each in root.children if each not in macros):
         if element.tag == "gazebo":
-            _survey_gazebo(element, links, notes)
+            _survey_gazebo(element, links, mimics, notes)
         if element.tag == drake.BUSHING:
             notes.on(element, drake.SOFT, alters=True)
         if element.tag not in SILENT["robot"] and not any(element.each(*GAZEBO_READ)):
@@ -230,12 +232,16 @@ def _survey(root: Element, notes: Notes) -> list[Element]:
     return macros
 
 
-def _survey_gazebo(element: Element, links: set[str], notes: Notes) -> None:
-    """Note what <gazebo> says of the motion that is not read."""
+def _survey_gazebo(element: Element, links: set[str], mimics: set[str], notes: Notes) -> None:
+    """Note what <gazebo> says of the motion that is not read; mimics: joints that the file itself
+    ties to others."""
     told = element.attributes.get("reference", "") in links
     for child in element.each(*GAZEBO_MOTION):
         if _is_said(child) and not (told and child.tag in WEIGHT):
             notes.on(child, f"in a <gazebo> is left out: {GAZEBO_MOTION[child.tag]}", alters=True)
+    for plugin in element.each("plugin"):
+        tied = plugin.first("mimicJoint")
+        note_program(plugin, notes, done=tied is not None and tied.content in mimics)
 
 
 def _is_said(child: Element) -> bool:
