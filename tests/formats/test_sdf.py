@@ -529,3 +529,12 @@ def test_joints_with_names_of_links_and_links_called_world_as_in_old_files(tmp_p
     twice = model(parts, "<link name='arm'/>")
     with pytest.raises(MechanismError, match="has the name of another part"):
         read(twice, tmp_path)
+
+
+def test_a_limit_of_speed_that_is_no_number_bounds_nothing(tmp_path):
+    axis = "<axis><xyz>0 0 1</xyz><limit><lower>-1</lower><velocity>2.5'</velocity></limit></axis>"
+    link = LINK.format("a", "0 0 0 0 0 0", 2.0)
+    imported = read(model(link, joint("j", "revolute", "world", "a", axis)), tmp_path)
+    limits = imported.mechanism.joints["j"].limits
+    assert limits.lower == -1 and limits.speed is None and not imported.mechanism.caveats
+    assert any("bounds no speed" in note and "not a number" in note for note in imported.notes)

@@ -11,6 +11,7 @@ from linkwork.formats import load
 from linkwork.mechanism import Friction, Lift, Limits, MechanismError
 
 from tests.formats import samples
+from tests.model_collections import MuJoCoSide, apart
 
 LINK = (
     '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" '
@@ -325,7 +326,7 @@ REFUSED = {
     "<robot><xacro:property name='x'/></robot>": "is a macro; expand the file with xacro first",
     arm(kind="screw"): (
         "<joint 'k'>: type 'screw' is not one of revolute, continuous, prismatic, fixed, "
-        "floating, planar"
+        "floating, planar, spherical"
     ),
     arm(
         second='<axis xyz="0 0 0"/>'
@@ -508,3 +509,26 @@ def test_rotors_behind_gears_add_to_the_inertia(tmp_path):
 def test_what_drake_adds_to_the_motion_is_warned_of(tag, tmp_path):
     with pytest.warns(ModelWarning, match=f"drake:{tag}"):
         read(arm(extra=f'<drake:{tag} name="x"/>'), tmp_path)
+
+
+BALL = """<robot name="r"><link name="a"/>{links}
+<joint name="j" type="spherical"><origin xyz="0.1 0 0.3" rpy="0.2 0 0"/><parent link="a"/>
+<child link="b"/><axis xyz="0 0 0"/><dynamics damping="0.3"{more}/></joint>
+<joint name="k" type="continuous"><origin xyz="0.3 0 0"/><parent link="b"/><child link="c"/>
+<axis xyz="0 1 0"/></joint></robot>"""
+SOLID = """<link name="{}"><inertial><origin xyz="0.1 0.2 0"/><mass value="2"/>
+<inertia ixx="0.2" iyy="0.3" izz="0.25" ixy="0.01" ixz="0" iyz="0"/></inertial>
+<visual><geometry><mesh filename="gone.stl" scale="0.001"/></geometry></visual></link>"""
+
+
+def test_balls_of_bullet_move_as_mujoco_says(tmp_path):
+    path, links = tmp_path / "ball.urdf", SOLID.format("b") + SOLID.format("c")
+    path.write_text(BALL.format(links=links, more=""))
+    mechanism = load(path).mechanism
+    assert mechanism.joints["j"].type == "spherical" and not mechanism.caveats
+    seen = path.read_text().replace("<visual>", "<!--").replace("</visual>", "-->")
+    (tmp_path / "bare.urdf").write_text(seen)
+    assert apart(lw.Robot(mechanism), MuJoCoSide(tmp_path / "bare.urdf")) < 1e-9
+    path.write_text(BALL.format(links=links, more=' friction="0.1"'))
+    (caveat,) = load(path).mechanism.caveats
+    assert "has dry friction, which is left out" in caveat

@@ -29,6 +29,7 @@ from linkwork.mechanism import (
     GearJoint,
     Joint,
     Limits,
+    MechanismError,
     PlanarJoint,
     PrismaticJoint,
     RevoluteJoint,
@@ -258,7 +259,11 @@ class JointReader:
             )
             ends = {"lower": lower, "upper": upper}
             known = {name: value for name, value in ends.items() if abs(value) < NO_LIMIT}
-            speed = limit.inner_number("velocity", -1.0, most=inf)
+            try:
+                speed = limit.inner_number("velocity", -1.0, most=inf)
+            except MechanismError as error:  # which is no dynamics
+                speed = -1.0
+                self.notes.on(limit, f"bounds no speed: {error}")
             known = known if bounded and lower < upper else {}
             known |= {"speed": speed} if 0 < speed < NO_LIMIT else {}
             found["limits"] = limit.make(Limits, **known)

@@ -13,7 +13,7 @@ from linkwork.formats.xml import Element
 from linkwork.mechanism import GROUND
 
 CLOSES = "it closes a loop here; readers of trees refuse such a file, or take one of both joints"
-TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical")
 ONE_FREEDOM = ("revolute", "continuous", "prismatic", "screw")
 DRAKE = {"ball": "spherical", "universal": "universal", "planar": "planar", "screw": "screw"}
 WORLD = "world"  # Drake's name of ground, which need not be a link
@@ -208,7 +208,7 @@ def _read_joint(element: Element, links: dict[str, Element]) -> UrdfJoint:
     if ends[0] == ends[1]:
         raise element.refusal(f"connects {ends[0]!r} to itself")
     flat = element.tag == drake.JOINT and kind == "planar"  # always in the plane of x and y
-    axis = np.zeros(3) if kind in ("fixed", "floating") else axis_of(element)
+    axis = np.zeros(3) if kind in ("fixed", "floating", "spherical") else axis_of(element)
     axis = np.array([0.0, 0.0, 1.0]) if flat else axis
     return UrdfJoint(element, element.text("name"), kind, ends[0], ends[1], origin(element), axis)
 

@@ -359,13 +359,13 @@ def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
         case "floating":
             return FreeJoint(connects=connects, frames=frames)
         case "spherical":
-            friction = _viscous(joint, SphericalJoint)
+            friction = _viscous(joint, SphericalJoint, notes)
             return SphericalJoint(connects=connects, frames=frames, friction=friction)
         case "universal":
             first_axis, second_axis = (
                 poses.triple(np.eye(3)["xyz".index(letter)]) for letter in joint.axes
             )
-            friction = _viscous(joint, UniversalJoint)
+            friction = _viscous(joint, UniversalJoint, notes)
             return UniversalJoint(
                 connects=connects,
                 frames=frames,
@@ -375,7 +375,7 @@ def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
         case "planar":
             turn = poses.pose(rotation=poses.from_z(joint.axis))
             frames = poses.frame_of(first @ turn), poses.frame_of(Y @ turn)
-            friction = _viscous(joint, PlanarJoint)
+            friction = _viscous(joint, PlanarJoint, notes)
             return PlanarJoint(connects=connects, frames=frames, friction=friction)
     # Hinges and slides, with theirs, and a spring of Gazebo's.
     dynamics = element.first("dynamics")
@@ -402,12 +402,16 @@ def _joint(model: UrdfModel, joint: UrdfJoint, notes: Notes) -> Joint:
     return element.make(PrismaticJoint if joint.type == "prismatic" else RevoluteJoint, **fields)
 
 
-def _viscous(joint: UrdfJoint, made: type[ManyFreedoms]) -> dict[str, Friction]:
+def _viscous(joint: UrdfJoint, made: type[ManyFreedoms], notes: Notes) -> dict[str, Friction]:
     """Return the damping of a joint of several freedoms, one number or one of each: Drake's, and
-    that of planar joints."""
-    dynamics = joint.element.first("dynamics")
-    if dynamics is None or (joint.element.tag != drake.JOINT and joint.type != "planar"):
+    that of joints whose type is the file's own."""
+    element, dynamics = joint.element, joint.element.first("dynamics")
+    retyped = joint.type != element.attributes.get("type")
+    if dynamics is None or (element.tag != drake.JOINT and retyped):
         return {}
+    if dynamics.number("friction", 0.0):
+        remark = "has dry friction, which is left out: it has several freedoms"
+        notes.on(element, remark, alters=True)
     count = len(made.freedoms)
     given = dynamics.numbers("damping", (1, count), (0.0,))
     each = np.broadcast_to(given, count).tolist()

@@ -96,7 +96,8 @@ def _mesh(
     notes: Notes,
 ) -> Iterator[Shape]:
     """Yield the mesh of a <visual>, if its file is there and of a kind that is read."""
-    scale = mesh.vector("scale", (1.0, 1.0, 1.0))
+    sizes = mesh.numbers("scale", (1, 3), (1.0,))
+    scale = sizes[0], sizes[-2 % len(sizes)], sizes[-1]
     try:
         path = reading.found(mesh.text("filename"), mesh)
     except MechanismError:
