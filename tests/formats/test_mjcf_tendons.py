@@ -13,6 +13,7 @@ from linkwork.mechanism import Cable
 
 from tests.catalogue import WHOLE
 from tests.formats.test_mjcf_actuators import compared
+from tests.model_collections import MuJoCoSide, apart
 
 ARM = """<mujoco>
 <compiler angle="radian"/><default><geom contype="0" conaffinity="0"/></default>
@@ -254,3 +255,70 @@ def test_an_inertia_along_a_cable_over_a_cylinder_is_left_out_where_mujoco_refus
     notes = save(mechanism, tmp_path / "cable.xml")
     assert any("its inertia is left out" in note for note in notes)
     assert mj.MjModel.from_xml_path(str(tmp_path / "cable.xml")).ntendon == 1
+
+
+BENT = """<mujoco><option gravity="0 0 -9.81"/>
+<default><geom contype="0" conaffinity="0"/></default>
+<worldbody><site name="w" pos="0.1 0 1"/>
+ <body name="a"><joint name="h" axis="0 1 0" ref="20"/><geom type="box" size=".1 .2 .3"/>
+  <site name="s" pos="0.3 0 0"/><site name="t" pos="0.2 0.1 0"/>
+  <body name="b" pos="0.5 0 0"><joint name="k" type="slide" axis="1 0 0.3" ref="0.1"/>
+   <geom size="0.1"/></body></body>
+</worldbody><tendon>{tendon}</tendon><equality>{equality}</equality></mujoco>"""
+SUM = '<fixed name="f" {}><joint joint="h" coef="0.7"/><joint joint="k" coef="-1.2"/></fixed>'
+LINE = '<spatial name="f" {}><site site="w"/><site site="s"/></spatial>'
+
+
+def bent(tmp_path, tendon="", equality=""):
+    path = tmp_path / "bent.xml"
+    path.write_text(BENT.format(tendon=tendon, equality=equality))
+    return path
+
+
+@pytest.mark.parametrize(
+    "given", ["-0.6", "-0.6 -0.2", "-0.5 0.3", "-1", "-1 -1", "-2", "0.2", "0"]
+)
+@pytest.mark.parametrize("kind", [SUM, LINE], ids=["fixed", "spatial"])
+def test_springs_of_tendons_rest_at_what_is_given_below_zero_too(kind, given, tmp_path):
+    """-1 alone means where the joints' springs rest."""
+    path = bent(tmp_path, kind.format(f'stiffness="30" springlength="{given}"'))
+    mechanism = load(path).mechanism
+    assert not mechanism.caveats
+    assert apart(lw.Robot(mechanism), MuJoCoSide(path)) < 1e-9
+    again = tmp_path / "again.xml"
+    save(mechanism, again)
+    assert apart(lw.Robot(mechanism), MuJoCoSide(again)) < 1e-9
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_a_tendon_between_two_points_of_one_body_does_nothing(held, tmp_path):
+    line = '<spatial name="f" stiffness="3"><site site="s"/><site site="t"/></spatial>'
+    path = bent(tmp_path, line, '<tendon tendon1="f"/>' if held else "")
+    imported = load(path)
+    assert any("both of its ends are on one body" in note for note in imported.notes)
+    robot = lw.Robot(imported.mechanism)
+    assert robot.mobility == 2 and apart(robot, MuJoCoSide(path)) < 1e-9
+
+
+def test_a_tendon_of_one_joint_that_is_held_locks_it(tmp_path):
+    line = '<fixed name="f" stiffness="3"><joint joint="h" coef="2"/></fixed>'
+    path = bent(tmp_path, line, '<tendon name="e" tendon1="f" polycoef="0.3"/>')
+    robot = lw.Robot(load(path).mechanism)
+    assert robot.independent == ("k",)
+    at = dict(zip(robot.coordinates, robot.home.positions, strict=True))
+    assert at["h"] == pytest.approx(np.radians(20) + 0.3 / 2)
+    assert apart(robot, MuJoCoSide(path)) < 1e-9
+    nothing = bent(tmp_path, line.replace('"2"', '"0"'), '<tendon tendon1="f"/>')
+    assert lw.Robot(load(nothing).mechanism).mobility == 2
+
+
+def test_a_spring_at_rest_at_minus_one_is_written_as_such(tmp_path):
+    mechanism = load(bent(tmp_path, SUM.format('stiffness="30" springlength="-0.9"'))).mechanism
+    line = mechanism.transmissions["f"]
+    spring = line.spring.model_copy(update={"rest": -1.0})
+    lines = {"f": line.model_copy(update={"spring": spring})}
+    path = tmp_path / "again.xml"
+    save(mechanism.model_copy(update={"transmissions": lines}), path)
+    model = mj.MjModel.from_xml_path(str(path))
+    np.testing.assert_allclose(model.tendon_lengthspring, [[-1.0, -1.0]])
+    assert load(path).mechanism.transmissions["f"].spring.rest == -1.0

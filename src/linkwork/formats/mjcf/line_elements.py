@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import nextafter
 from xml.etree import ElementTree as ET
 
 from linkwork.formats import poses
@@ -79,7 +80,10 @@ def write_along(sheet: Sheet, tendon: ET.Element, line: LoadedLength, offset: fl
     put(tendon, "armature", line.inertia)
     if spring.stiffness:
         rest = spring.rest - offset
-        tendon.set("springlength", numbers((rest, rest + spring.slack)))
+        end = rest + spring.slack
+        if rest == end == -1.0:  # by which MuJoCo means none
+            end = nextafter(end, 0.0)
+        tendon.set("springlength", numbers((rest, end)))
 
 
 def tell_inertia(sheet: Sheet, name: str, line: Cable, tendon: ET.Element) -> None:

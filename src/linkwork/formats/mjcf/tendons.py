@@ -167,9 +167,9 @@ class TendonReader:
         self.found.used |= {part.text("site") for part in parts if part.tag == "site"}
         name = element.attributes.get("name", f"tendon_{len(self.found.lines) + 1}")
         driven, follows = name in self.driven, name in self.following
-        low, *high = element.numbers("springlength", (1, 2), (-1.0,))
+        rest = rest_of(element)
         more = any(element.number(key, 0.0) for key in ("frictionloss", "armature"))
-        slack = self.document.is_limited(element) or (bool(high) and high[0] != low)
+        slack = self.document.is_limited(element) or (rest and (rest[0] < 0 or rest[0] != rest[1]))
         if straight and not (driven or follows or more) and (holds or not slack):
             self._straight(element, holds)
             return
@@ -241,6 +241,9 @@ class TendonReader:
         # Its two ends, and what it does between them.
         ends = [self.loops.site(element, part.text("site")) for part in element.children]
         bodies, points = (ends[0][0], ends[1][0]), (ends[0][1][:3, 3], ends[1][1][:3, 3])
+        if bodies[0] == bodies[1]:
+            self.notes.on(element, "is left out: both of its ends are on one body")
+            return
         stiffness, damping = (
             element.numbers(key, (1, 2, 3), (0.0,))[0] for key in ("stiffness", "damping")
         )
@@ -258,8 +261,8 @@ class TendonReader:
             )
         # Pulling it is a spring between two points.
         if stiffness or damping:
-            low, *high = element.numbers("springlength", (1, 2), (-1.0,))
-            if high and high[0] != low:
+            given = rest_of(element)
+            if given and (given[0] < 0 or given[0] != given[1]):
                 remark = (
                     "has a spring without force over a range of lengths; it is taken to rest at "
                     "the lower end"
@@ -270,7 +273,9 @@ class TendonReader:
                 connects=bodies,
                 points=tuple(map(poses.triple, points)),
                 stiffness=stiffness,
-                rest_length=self._length(bodies, points, self.loops.at_rest) if low < 0 else low,
+                rest_length=max(given[0], 0.0)
+                if given
+                else self._length(bodies, points, self.loops.at_rest),
                 damping=damping,
             )
         if not holds and not stiffness and not damping:
@@ -295,17 +300,17 @@ class TendonReader:
                 raise part.refusal(f"there is no hinge or slide {name!r} that can be geared")
             label = self.joints.coordinates[name]
             ratios[label] = ratios.get(label, 0.0) + factor
-        # Held at a length it is a gear.
-        if holds:
-            label = holds[0].attributes.get("name", element.attributes.get("name", "gear"))
-            self.found.joints[self.names.give(label)] = element.make(
-                GearJoint, ratios=ratios, offset=holds[1] + self._at(ratios, springs=False)
-            )
-        # What acts along it.
         if not any(ratios.values()):
             self.notes.on(element, "is left out: it moves with no joint")
             return
         name = element.attributes.get("name", f"tendon_{len(self.found.lines) + 1}")
+        # Held at a length it is a gear; that of one joint holds the tendon itself.
+        if holds:
+            label = self.names.give(holds[0].attributes.get("name", name))
+            offset, alone = holds[1] + self._at(ratios, springs=False), len(ratios) == 1
+            gear = element.make(GearJoint, ratios={name: 1.0} if alone else ratios, offset=offset)
+            (self.found.ties if alone else self.found.joints)[label] = gear
+        # What acts along it.
         line = element.make(Combination, ratios=ratios)
         at_rest = self._at(ratios, springs=True)
         self.found.lines[name] = self._loaded(element, line, at_rest, held=holds is not None)
@@ -355,11 +360,9 @@ class TendonReader:
         stiffness, damping = (linear(self.notes, element, key) for key in ("stiffness", "damping"))
         if not stiffness and not damping:
             return SlackSpring()
-        low, *high = element.numbers("springlength", (1, 2), (-1.0,))
-        rest = at_rest if low < 0 else low
-        slack = high[0] - low if high and low >= 0 else 0.0
+        low, high = rest_of(element) or (at_rest, at_rest)
         return element.make(
-            SlackSpring, stiffness=stiffness, damping=damping, rest=rest, slack=slack
+            SlackSpring, stiffness=stiffness, damping=damping, rest=low, slack=high - low
         )
 
     def _at(self, ratios: Mapping[str, float], springs: bool) -> float:
@@ -374,6 +377,14 @@ class TendonReader:
             for label, ratio in ratios.items()
         )
         return sum(own)
+
+
+def rest_of(tendon: Element) -> tuple[float, float] | None:
+    """Return the lengths between which a tendon's spring rests; None where it does as the joints'
+    springs do (-1)."""
+    low, *high = tendon.numbers("springlength", (1, 2), (-1.0,))
+    found = low, (high or [low])[0]
+    return None if found == (-1.0, -1.0) else found
 
 
 def linear(notes: Notes, element: Element, name: str) -> float:
