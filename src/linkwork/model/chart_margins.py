@@ -21,10 +21,12 @@ from linkwork.equations.chart_choice import FALL, LEAST, NOISE, WELL
 from linkwork.equations.equations import DOUBTFUL
 from linkwork.equations.independence import FAINT, TIED
 from linkwork.simulation.compiled import OPTIONS, compiled_once, is_kept
+from linkwork.simulation.pointers import uncounted
 
 MARGIN = 1e-11  # of a comparison that rounding cannot turn; below 1 - TIED
 ROUNDED = 1e-12  # of a determinant, over the usual size of its rows and columns
 UNKNOWN = -1
+LOG_FALL = math.log(FALL)
 ROW, COLUMN, STRONG, WEAK, BLOCK = range(5)  # what a step of an elimination tells
 
 _INTEGERS, _TABLE = types.Array(types.int64, 1, "C"), types.Array(types.int64, 2, "C")
@@ -136,12 +138,13 @@ def independent_rates(bases, preferred, chosen):
     rank, width = bases.shape
     n, count = width - rank, 0
     directions, left, least = np.zeros((n, width)), np.ones(width), np.empty(width)
-    free = np.ones(width, np.bool_)
+    roots, free = np.empty(width), np.ones(width, np.bool_)
     for k in range(width):
         for i in range(rank):
             left[k] -= bases[i, k] * bases[i, k]
         left[k] = max(left[k], 0.0)
-        least[k] = (WELL * max(math.sqrt(left[k]), WELL)) ** 2
+        roots[k] = math.sqrt(left[k])
+        least[k] = (WELL * max(roots[k], WELL)) ** 2
     for step in range(len(preferred) + n):
         if count == n:
             break
@@ -157,17 +160,17 @@ def independent_rates(bases, preferred, chosen):
             largest = 0.0
             for k in range(width):
                 if free[k]:
-                    largest = max(largest, math.sqrt(left[k]))
+                    largest = max(largest, roots[k])
             for k in range(width):
                 if free[k]:
-                    if abs(math.sqrt(left[k]) - TIED * largest) <= MARGIN * max(largest, FAINT):
+                    if abs(roots[k] - TIED * largest) <= MARGIN * max(largest, FAINT):
                         return False
-                    if taken < 0 and math.sqrt(left[k]) >= TIED * largest:
+                    if taken < 0 and roots[k] >= TIED * largest:
                         taken = k
         if taken < 0 or left[taken] < FAINT:
             return False
         # What it takes of the motion of the others.
-        length = math.sqrt(left[taken])
+        length = roots[taken]
         for k in range(width):
             part = 1.0 if k == taken else 0.0
             for i in range(rank):
@@ -177,6 +180,7 @@ def independent_rates(bases, preferred, chosen):
             directions[count, k] = part / length
         for k in range(width):
             left[k] = max(left[k] - directions[count, k] ** 2, 0.0)
+            roots[k] = math.sqrt(left[k])
         chosen[count], free[taken] = taken, False
         count += 1
     return count == n
@@ -225,7 +229,7 @@ def same_order(A, steps, sizes, falls):
             usual = sizes[1, number]
             if not abs(found) > 2 * NOISE * usual:
                 return False
-            fall = math.log(LEAST * usual / abs(found)) / math.log(FALL)
+            fall = math.log(LEAST * usual / abs(found)) / LOG_FALL
             if fall > -0.5 and abs(fall - round(fall)) <= MARGIN + ROUNDED * usual / abs(found):
                 return False
             falls[number] = 2 * int(max(math.ceil(fall), 0.0)) + (found < 0)
@@ -304,6 +308,10 @@ def decide(
             number of the order, both UNKNOWN where that is not sure, and how its scales fall; the
             rest of a line tells nothing.
     """
+    # The caller keeps all of this alive.
+    Phi, factors, found = uncounted(Phi), uncounted(factors), uncounted(found)
+    steps, sizes = uncounted(steps), uncounted(sizes)
+    kept, independent = uncounted(kept), uncounted(independent)
     rows, width, n = Phi.shape[1], Phi.shape[2], independent.shape[1]
     bases, own = np.empty((width - n, width)), np.empty(rows, np.int64)
     chosen, A = np.empty(n, np.int64), np.empty((rows, width))

@@ -70,7 +70,7 @@ TOO_MANY_STEPS = int(Status.TOO_MANY_STEPS)
 EVENT = int(Status.EVENT)
 STIFF = int(Status.STIFF)
 
-NEAR = 1.25  # a pivot this close to its bound, relative to it, is at it
+NEAR = 2.0  # a pivot this close to its bound, relative to it, is at it
 SMALLEST_STEP = 16 * 2.0**-52  # relative to the time and to the duration
 FIRST_ROWS = 64
 LOOK = 1024
