@@ -133,3 +133,19 @@ def test_principal_axes_have_mujocos_order_and_signs(size):
         R = principal_axes(tensor)
         off = R.T @ tensor @ R
         assert np.abs(off - np.diag(np.diag(off))).max() < 1e-11 * size
+
+
+@pytest.mark.parametrize("from_geoms", ["true", "auto"])
+@pytest.mark.parametrize("geom", ['group="5"', 'mass="0"', ""], ids=["hidden", "massless", "heavy"])
+def test_inertial_counts_where_geoms_that_shall_give_it_have_none(from_geoms, geom, tmp_path):
+    compiler = f'<compiler inertiafromgeom="{from_geoms}" inertiagrouprange="0 3"/>'
+    path = tmp_path / "model.xml"
+    path.write_text(
+        f'<mujoco>{compiler}<worldbody><body name="a"><joint name="j" axis="0 1 0"/>{TURNED}'
+        f'<geom size="0.1" pos="0.2 0 0" {geom}/></body></worldbody></mujoco>'
+    )
+    body = load(path).mechanism.bodies["a"]
+    model, _ = side.compiled(path)
+    assert body.mass == pytest.approx(model.body_mass[1])
+    np.testing.assert_allclose(body.centre_of_mass, model.body_ipos[1], atol=1e-12)
+    assert moves_apart(path) < 1e-9

@@ -410,8 +410,9 @@ class TreeReader:
     def solid(self, element: Element, parts: _Parts) -> Solid:
         """Return the mass of a body, from <inertial> or from its geoms."""
         compiler = self.document.compiler_of(element)
-        if parts.inertial is not None and compiler.from_geoms != "true":
-            solid = self.inertial(parts.inertial)
+        inertial = self.counting(element, parts)
+        if inertial is not None:
+            solid = self.inertial(inertial)
         elif compiler.from_geoms == "false":
             solid = Solid(0.0, np.zeros(3), np.zeros((3, 3)))
         else:
@@ -428,6 +429,13 @@ class TreeReader:
         if (least != moments).any():
             solid = Solid(solid.mass, solid.centre, axes @ np.diag(least) @ axes.T)
         return Solid(max(solid.mass, compiler.least_mass), solid.centre, solid.inertia)
+
+    def counting(self, element: Element, parts: _Parts) -> Element | None:
+        """Return the <inertial> of a body that counts: where geoms shall give the inertia, it does
+        if none has any mass."""
+        from_geoms = self.document.compiler_of(element).from_geoms == "true"
+        heavy = from_geoms and any(is_heavy(self.document, geom) for geom, _ in parts.geoms)
+        return None if heavy else parts.inertial
 
     def of_geoms(self, element: Element, parts: _Parts) -> Solid:
         """Return the mass of a body from its geoms; where none has any, MuJoCo puts what boundmass
@@ -448,10 +456,10 @@ class TreeReader:
     def own_axes(self, element: Element, parts: _Parts) -> np.ndarray | None:
         """Return the axes that the file gives to a body's inertia: those of <inertial>, or of the
         one geom that has mass."""
-        document = self.document
-        if parts.inertial is not None and document.compiler_of(element).from_geoms != "true":
-            given = "fullinertia" not in parts.inertial.attributes
-            return document.rotation(parts.inertial) if given else None
+        document, inertial = self.document, self.counting(element, parts)
+        if inertial is not None:
+            given = "fullinertia" not in inertial.attributes
+            return document.rotation(inertial) if given else None
         heavy = [(geom, X) for geom, X in parts.geoms if is_heavy(document, geom)]
         if len(heavy) != 1:
             return None
