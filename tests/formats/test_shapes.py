@@ -16,7 +16,6 @@ from linkwork.mechanism import (
     Cylinder,
     Frame,
     Inertia,
-    MechanismError,
     MeshFile,
     Polygon,
     Sphere,
@@ -259,19 +258,6 @@ def test_capsules_and_other_visuals_of_links(tmp_path):
     assert isinstance(capsule, Capsule) and capsule.length == 0.5
     assert isinstance(pad, Sphere)
     assert any("<visual> is not shown: its mesh is not there" in note for note in imported.notes)
-
-
-@pytest.mark.parametrize(
-    ("solid", "words"),
-    [
-        ('<box size="1 2"/>', "<box>: size holds 2 numbers; give 3"),
-        ('<cylinder radius="1"/>', "<cylinder>: has no attribute 'length'; add it"),
-    ],
-)
-def test_refusals_of_visuals_name_file_and_line(solid, words, tmp_path):
-    with pytest.raises(MechanismError) as refusal:
-        read(URDF.format(VISUAL.format(solid, "")), tmp_path, "arm.urdf")
-    assert str(refusal.value).startswith(f"{tmp_path / 'arm.urdf'}: line 4: {words}")
 
 
 MESHES = """<mujoco><compiler meshdir="parts"/><asset>

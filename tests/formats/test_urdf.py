@@ -212,6 +212,27 @@ def test_a_visual_without_size_is_noted_and_refuses_nothing(solid, tmp_path):
     assert not imported.mechanism.bodies["a"].shapes and not imported.mechanism.caveats
 
 
+@pytest.mark.parametrize(
+    "visual, words",
+    [
+        ("<visual/>", "holds no <geometry>"),
+        ("<visual><geometry><box size='1 1'/></geometry></visual>", "size holds 2 numbers; give 3"),
+        (
+            "<visual><geometry><cylinder radius='1'/></geometry></visual>",
+            "line 2: <cylinder>: has no attribute 'length'; add it",
+        ),
+        (
+            "<visual><origin xyz='0 0 x'/><geometry><sphere radius='1'/></geometry></visual>",
+            "xyz holds 'x', which is not a number",
+        ),
+    ],
+)
+def test_a_visual_that_is_wrong_is_noted_and_refuses_nothing(visual, words, tmp_path):
+    imported = read(arm().replace('<link name="a">', f'<link name="a">{visual}'), tmp_path)
+    assert any("<visual> is not shown" in note and words in note for note in imported.notes)
+    assert not imported.mechanism.bodies["a"].shapes and not imported.mechanism.caveats
+
+
 def test_fixed_joints_that_are_driven_or_mimicked(tmp_path):
     drive = '<transmission><joint name="{}"/></transmission>'
     fixed = (

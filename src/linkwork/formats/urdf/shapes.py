@@ -69,22 +69,27 @@ def _shapes(
     reading: Reading,
     notes: Notes,
 ) -> Iterator[Shape]:
-    """Yield the shapes of <visual> or <collision> elements; what is none is noted."""
+    """Yield the shapes of <visual> or <collision> elements; what is none, or wrong, is noted."""
     for visual in parts:
-        geometry = visual.named("geometry")
-        mesh = geometry.first("mesh")
-        if mesh is not None:
-            yield from _mesh(visual, mesh, _colour(visual, colours), reading, notes)
-            continue
-        solid = next(geometry.each(*SHAPES), None)
-        if solid is None:
-            kinds = ", ".join(child.tag for child in geometry.children[:FEW]) or "nothing"
-            notes.on(visual, f"is not shown: it is {kinds}, not one of {', '.join(SHAPES)}")
-            continue
-        sizes = _sizes(solid)
-        if min(sizes) <= 0:
-            notes.on(visual, f"is not shown: its {solid.tag} has no size")
-            continue
+        try:
+            yield from list(_shape_of(visual, colours, reading, notes))
+        except MechanismError as error:
+            notes.on(visual, f"is not shown: {str(error).removeprefix(f'{visual.file}: ')}")
+
+
+def _shape_of(
+    visual: Element, colours: dict[str, tuple[float, ...]], reading: Reading, notes: Notes
+) -> Iterator[Shape]:
+    geometry = visual.named("geometry")
+    mesh, solid = geometry.first("mesh"), next(geometry.each(*SHAPES), None)
+    if mesh is not None:
+        yield from _mesh(visual, mesh, _colour(visual, colours), reading, notes)
+    elif solid is None:
+        kinds = ", ".join(child.tag for child in geometry.children[:FEW]) or "nothing"
+        notes.on(visual, f"is not shown: it is {kinds}, not one of {', '.join(SHAPES)}")
+    elif min(sizes := _sizes(solid)) <= 0:
+        notes.on(visual, f"is not shown: its {solid.tag} has no size")
+    else:
         yield _shape(solid, sizes, poses.frame_of(origin(visual)), _colour(visual, colours))
 
 
