@@ -26,6 +26,7 @@ REASONS = {
     Status.SINGULAR: "the pose is singular: no independent rates determine the motion from here",
     Status.CLOSURE_LOST: "the loops do not close any more",
     Status.NON_FINITE: "forces or accelerations are infinite or undefined from here",
+    Status.EVENT: "a cable would leap to another side of a surface, with energy",
 }
 """Why an episode was cut off where its robot could not be stepped on."""
 

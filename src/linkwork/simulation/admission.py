@@ -9,13 +9,19 @@ from linkwork.errors import LinkworkError
 from linkwork.simulation.signals import ROUNDING, Signal, require_increasing
 
 
-def numbers_of(what: str, values: ArrayLike) -> np.ndarray:
-    """Return a contiguous copy (n,) as floats, or refuse what is no list of finite numbers."""
-    vector = np.array(values, dtype=float)
+def listed(what: str, values: ArrayLike) -> np.ndarray:
+    """Return values (n,) as floats, or refuse what is no list."""
+    vector = np.asarray(values, dtype=float)
     if vector.ndim != 1:
         raise LinkworkError(
             f"{what} must be a list of numbers, not an array of the shape {vector.shape}"
         )
+    return vector
+
+
+def numbers_of(what: str, values: ArrayLike) -> np.ndarray:
+    """Return a contiguous copy (n,) as floats, or refuse what is no list of finite numbers."""
+    vector = listed(what, values).copy()
     numbers = vector.tolist()
     if not all(map(math.isfinite, numbers)):
         i = next(i for i, number in enumerate(numbers) if not math.isfinite(number))

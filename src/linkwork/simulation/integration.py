@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
 from linkwork.simulation.admission import (
+    listed,
     numbers_of,
     refuse_start,
     require_positive,
@@ -38,7 +39,7 @@ def integrate(
     q: ArrayLike,
     v: ArrayLike,
     forces: Signal | Sampled | ArrayLike,
-    parameters: ArrayLike = (),
+    parameters: ArrayLike = NOTHING,
     *,
     duration: float,
     start: float = 0.0,
@@ -110,10 +111,11 @@ def integrate(
     # What may not be: runs without an end, numbers that are none, methods without what they need.
     require_run(duration, max_steps)
     signal = as_signal(forces)
-    q, v = numbers_of("q", q), numbers_of("v", v)
-    bounds = {"max_step": max_step, "pivot_bound": pivot_bound, "closure_tol": closure_tol}
-    for name, value in bounds.items():
-        require_positive(name, value)
+    q, v = listed("q", q), listed("v", v)
+    p = NOTHING if parameters is NOTHING else numbers_of("the parameters", parameters)
+    require_positive("max_step", max_step)
+    require_positive("pivot_bound", pivot_bound)
+    require_positive("closure_tol", closure_tol)
     if method.stiff and not jacobian:
         raise LinkworkError(f"{method.name} needs the address of the Jacobian's kernel")
     y = np.concatenate((q, v))
@@ -124,7 +126,7 @@ def integrate(
         motion,
         closure or 0,
         jacobian or 0,
-        numbers_of("the parameters", parameters),
+        p,
         signal,
         watch,
         events,
