@@ -61,6 +61,44 @@ def test_six_joints_with_a_spherical_wrist_have_thirty_six():
     assert len(base_parameters(built("puma560"))) == 36
 
 
+def energies(robot, states):
+    """Return the energies (N, 10 bodies) that each mass, first moment and moment of inertia of 1
+    has, from twists and poses of the bodies."""
+    poses, twists, columns = robot.body_poses(states), robot.twists(states), []
+    g = np.array(robot.mechanism.gravity)
+    for k, (name, body) in enumerate(robot.mechanism.bodies.items()):
+        p, R = poses[name]
+        omega = twists[:, k, :3]
+        v = twists[:, k, 3:] - np.cross(omega, R @ np.array(body.centre_of_mass))
+        own = np.einsum("nji,nj->ni", R, omega)
+        columns.append(np.sum(v * v, axis=1) / 2 - p @ g)
+        columns += [np.sum(v * np.cross(omega, e), axis=1) - e @ g for e in R.transpose(2, 0, 1)]
+        columns += [own[:, i] * own[:, j] for i in range(3) for j in range(i, 3)]
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize(("name", "spread"), [("stewart", 0.05), ("hexaglide", 0.03)])
+def test_loops_that_close_near_home_only_have_all_their_base_parameters(name, spread):
+    """As many as the energies of motions tell apart: rank of what varies of them (Gautier 1991)."""
+    robot = built(name)
+    random = np.random.default_rng(4)
+    poses = robot.tool_pose(robot.home) + spread * random.uniform(-1, 1, (600, 6))
+    states = robot.assemble(tool=poses).with_rates(random.standard_normal((600, robot.mobility)))
+    told = energies(robot, states)
+    told = told - told.mean(axis=0)
+    sizes = np.linalg.norm(told, axis=0)
+    told = told[:, sizes > 1e-9 * sizes.max()]
+    values = np.linalg.svd(told / np.linalg.norm(told, axis=0), compute_uv=False)
+    count = int(np.sum(values > 1e-9 * values[0]))
+    assert values[count - 1] > 1e3 * values[count:].max(initial=0.0)
+    assert len(base_parameters(robot)) == count
+
+
+def test_samples_too_few_to_tell_base_parameters_are_refused():
+    with pytest.raises(lw.LinkworkError, match="samples is 1: these motions give 2 equations"):
+        base_parameters(arm(), samples=1)
+
+
 def test_base_parameters_have_the_unit_of_the_first_in_each():
     expected = {"mass": "kg", "first_moment": "kg m", "inertia_at_origin": "kg m^2"}
     expected |= {"viscous": "N m s/rad", "coulomb": "N m", "rotor_inertia": "kg m^2"}

@@ -34,6 +34,7 @@ NEGLIGIBLE = 1e-9
 ROUNDING = 1e-6  # coefficients of columns of length 1 that are taken for zero
 SPREAD = 0.3
 ROUNDS = 30
+HALVINGS = 20  # of the spread, where loops do not close from it
 SHOWN, WIDE = 12, 76  # lines, and characters of a line, in a repr
 
 
@@ -145,21 +146,26 @@ def base_parameters(
             seed: of these.
 
     Raises:
-        LinkworkError: unknown names; a mechanism that nothing moves in.
+        LinkworkError: unknown names; a mechanism that nothing moves in; samples too few to tell how
+            many base parameters there are.
     """
     needed(robot, Robot)
     made = regressor_of(robot, effects)
     states, accelerations = random_motions(robot, samples, seed)
-    Y = (made(states, accelerations) * own_rates(robot, states)[:, None]).reshape(
-        -1, len(made.names)
-    )
+    units = made.units(pace(robot))
+    Y = alike(made(states, accelerations) * own_rates(robot, states)[:, None], units)
     size = np.linalg.norm(Y, axis=0)
-    own = size / made.units(pace(robot))
+    own = size / units
     seen = np.flatnonzero(own > NEGLIGIBLE * own.max(initial=0.0))
     if not seen.size:
         raise LinkworkError("no parameter can be seen: the motions need no forces")
     columns = Y[:, seen] / size[seen]
     kept = independent(columns)
+    if len(kept) == len(columns):
+        raise LinkworkError(
+            f"samples is {samples}: these motions give {len(columns)} equations, not more than "
+            "there are base parameters; give more samples"
+        )
     found = np.linalg.lstsq(columns[:, kept], columns, rcond=None)[0]
     found = np.where(np.abs(found) < ROUNDING, 0.0, found) * size[seen] / size[seen][kept][:, None]
     combination = np.zeros((len(kept), len(made.names)))
@@ -167,6 +173,13 @@ def base_parameters(
     return Base(
         made, seen[kept], combination, tuple(written(row, made.names) for row in combination)
     )
+
+
+def alike(Y: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """Return the rows of Y (N, n, k), with as much weight for each motion: those near singular
+    configurations, which need large forces, would hide the others."""
+    sizes = np.linalg.norm(Y / units, axis=(1, 2))[:, None, None]
+    return (Y / np.where(sizes > 0, sizes, 1.0)).reshape(-1, Y.shape[-1])
 
 
 def independent(columns: np.ndarray) -> list[int]:
@@ -186,16 +199,25 @@ def independent(columns: np.ndarray) -> list[int]:
 def random_motions(robot: Robot, samples: int, seed: int) -> tuple[State, np.ndarray]:
     """Return random closed states near the reference (N) with random rates, and accelerations
     (N, n)."""
-    random, tree = np.random.default_rng(seed), robot.equations.tree
-    q = robot.equations.reference + SPREAD * tree.units * random.standard_normal(
-        (samples, tree.units.size)
-    )
-    step = of_any_length(robot.kernel("closure_step"))
-    q, good, *_ = closed(step, unit(tree, q), (), ROUNDS, contracting=False)
-    q = q[good]
+    random = np.random.default_rng(seed)
+    q = random_configurations(robot, samples, random)
     sizes = (pace(robot) ** order * own_rates(robot, robot.home) for order in (1, 2))
-    v, dv = (size * random.standard_normal((len(q), robot.mobility)) for size in sizes)
+    v, dv = (size * random.standard_normal((samples, robot.mobility)) for size in sizes)
     return robot.make_state(q, v), dv
+
+
+def random_configurations(robot: Robot, samples: int, random: np.random.Generator) -> np.ndarray:
+    """Return random closed configurations (N, nq): each as far from the reference, which is closed,
+    as its loops close from there."""
+    tree, step = robot.equations.tree, of_any_length(robot.kernel("closure_step"))
+    q = np.tile(robot.equations.reference, (samples, 1))
+    away = SPREAD * tree.units * random.standard_normal(q.shape)
+    open_ = np.arange(samples)
+    for _ in range(HALVINGS):
+        tried, good, *_ = closed(step, unit(tree, q + away)[open_], (), ROUNDS, contracting=False)
+        q[open_[good]], open_ = tried[good], open_[~good]
+        away /= 2
+    return q
 
 
 def pace(robot: Robot) -> float:
