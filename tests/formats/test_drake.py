@@ -2,6 +2,7 @@
 
 from math import pi
 
+import numpy as np
 import pytest
 
 from linkwork.formats import load
@@ -29,7 +30,7 @@ def urdf(folder, second, third='<joint name="third" type="fixed">', more=""):
     [
         ("ball", "", "spherical", ("turn",)),
         ("universal", "", "universal", ("angle_1", "angle_2")),
-        ("planar", '<axis xyz="1 0 0"/>', "planar", ("x", "y", "angle")),
+        ("planar", '<axis xyz="0 0 1"/>', "planar", ("x", "y", "angle")),
     ],
 )
 def test_joints_of_several_freedoms_are_damped_in_each(kind, inside, type_, freedoms, tmp_path):
@@ -40,7 +41,25 @@ def test_joints_of_several_freedoms_are_damped_in_each(kind, inside, type_, free
     assert {name: own.viscous for name, own in joint.friction.items()} == dict.fromkeys(
         freedoms, 0.2
     )
-    assert joint.frames[0] == joint.frames[1]  # planar ones lie in x and y, whatever the axis says
+    assert joint.frames[0] == joint.frames[1]
+
+
+@pytest.mark.parametrize("axis", ["", '<axis xyz="1 0 0"/>', '<axis xyz="1 2 -1"/>'])
+@pytest.mark.parametrize("tag", ["joint", "drake:joint"])
+def test_planes_lie_across_the_axis_and_turn_as_little_as_they_can(axis, tag, tmp_path):
+    """As those of Drake's PlanarJoint from URDF, in either spelling."""
+    second = f'<{tag} name="second" type="planar">{axis}<dynamics damping="1 2 3"/>'
+    text = urdf(tmp_path, second).read_text().replace("</drake:joint>", f"</{tag}>")
+    path = tmp_path / "model.urdf"
+    path.write_text(text)
+    joint = read(path).mechanism.joints["second"]
+    normal = np.array([1.0, 2, -1] if "2" in axis else [1.0, 0, 0])
+    normal /= np.linalg.norm(normal)
+    across = np.cross([0, 0, 1], normal)
+    turn = across / np.linalg.norm(across) * np.arccos(normal[2])
+    for frame in joint.frames:
+        np.testing.assert_allclose(frame.orientation, turn, atol=1e-12)
+    assert [joint.friction[name].viscous for name in ("x", "y", "angle")] == [1, 2, 3]
 
 
 def test_screws_advance_per_turn_and_world_is_ground(tmp_path):

@@ -207,9 +207,7 @@ def _read_joint(element: Element, links: dict[str, Element]) -> UrdfJoint:
             raise element.refusal(f"there is no link {link!r}")
     if ends[0] == ends[1]:
         raise element.refusal(f"connects {ends[0]!r} to itself")
-    flat = element.tag == drake.JOINT and kind == "planar"  # always in the plane of x and y
     axis = np.zeros(3) if kind in ("fixed", "floating", "spherical") else axis_of(element)
-    axis = np.array([0.0, 0.0, 1.0]) if flat else axis
     return UrdfJoint(element, element.text("name"), kind, ends[0], ends[1], origin(element), axis)
 
 
