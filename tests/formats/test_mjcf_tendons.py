@@ -322,3 +322,24 @@ def test_a_spring_at_rest_at_minus_one_is_written_as_such(tmp_path):
     model = mj.MjModel.from_xml_path(str(path))
     np.testing.assert_allclose(model.tendon_lengthspring, [[-1.0, -1.0]])
     assert load(path).mechanism.transmissions["f"].spring.rest == -1.0
+
+
+def test_springs_have_names_that_can_be_names_here_and_a_held_one_is_read_again(tmp_path):
+    line = LINE.replace('name="f"', 'name="a.b"').format('stiffness="30" springlength="0.1"')
+    mechanism = load(bent(tmp_path, line)).mechanism
+    assert list(mechanism.springs) == ["a_b"]
+    held = load(bent(tmp_path, line, '<tendon tendon1="a.b"/>')).mechanism
+    save(held, tmp_path / "again.xml")
+    again = load(tmp_path / "again.xml").mechanism
+    assert len(again.springs) == 1 and lw.Robot(again).mobility == lw.Robot(held).mobility == 1
+
+
+def test_tendons_without_names_are_all_there(tmp_path):
+    pair = [f'stiffness="{k}" springlength="0.1"' for k in (30, 50)]
+    path = bent(tmp_path, "".join(LINE.replace('name="f"', "").format(each) for each in pair))
+    mechanism = load(path).mechanism
+    assert [spring.stiffness for spring in mechanism.springs.values()] == [30, 50]
+    assert apart(lw.Robot(mechanism), MuJoCoSide(path)) < 1e-9
+    sums = "".join(SUM.replace('name="f"', "").format(each) for each in pair)
+    path = bent(tmp_path, sums + SUM.replace('"f"', '"tendon_2"').format(pair[0]))
+    assert apart(lw.Robot(load(path).mechanism), MuJoCoSide(path)) < 1e-9

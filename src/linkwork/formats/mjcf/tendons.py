@@ -83,7 +83,9 @@ class TendonReader:
     added: Mapping[str, Added]
 
     def __post_init__(self) -> None:
-        self.found = Tendons()
+        self.found, self.spring_names = Tendons(), FreeNames(self.notes)
+        given = (element.attributes.get("name", "") for element in self.document.each("tendon"))
+        self.own_names = FreeNames(self.notes, tuple(given))
         self.driven = {
             element.attributes.get("tendon") for element in self.document.each("actuator")
         }
@@ -165,7 +167,7 @@ class TendonReader:
         parts = element.children
         straight = [part.tag for part in parts] == ["site", "site"]
         self.found.used |= {part.text("site") for part in parts if part.tag == "site"}
-        name = element.attributes.get("name", f"tendon_{len(self.found.lines) + 1}")
+        name = self._name(element)
         driven, follows = name in self.driven, name in self.following
         rest = rest_of(element)
         more = any(element.number(key, 0.0) for key in ("frictionloss", "armature"))
@@ -187,6 +189,11 @@ class TendonReader:
             self.found.ties[label] = equality.make(
                 GearJoint, ratios={name: 1.0}, offset=offset + self._length_at_zero(line)
             )
+
+    def _name(self, element: Element) -> str:
+        """Return a tendon's name, or one that no other has."""
+        own = f"tendon_{len(self.found.lines) + 1}"
+        return element.attributes.get("name") or self.own_names.give(own)
 
     def _path(self, element: Element) -> tuple[CablePart, ...]:
         """Return the way of a cable."""
@@ -268,7 +275,7 @@ class TendonReader:
                     "the lower end"
                 )
                 self.notes.on(element, remark, alters=True)
-            self.found.springs[name] = element.make(
+            self.found.springs[self.spring_names.give(name)] = element.make(
                 PointSpring,
                 connects=bodies,
                 points=tuple(map(poses.triple, points)),
@@ -303,7 +310,7 @@ class TendonReader:
         if not any(ratios.values()):
             self.notes.on(element, "is left out: it moves with no joint")
             return
-        name = element.attributes.get("name", f"tendon_{len(self.found.lines) + 1}")
+        name = self._name(element)
         # Held at a length it is a gear; that of one joint holds the tendon itself.
         if holds:
             label = self.names.give(holds[0].attributes.get("name", name))
