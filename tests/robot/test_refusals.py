@@ -267,3 +267,22 @@ def test_numbers_that_are_not_free(robot):
     one = {"platform.mass": [1.0]}
     refused("robot.free makes one", robot.ensemble, robot.home, parameters=one, duration=0.1)
     refused("free is 'platform.mass'; give a list of names", lw.Robot, "prr3", free="platform.mass")
+
+
+def test_a_path_of_a_robot_with_more_freedoms_than_a_pose_is_not_told_to_prescribe_them_all():
+    bodies, joints, last = {}, {}, "ground"
+    for k in range(4):
+        bodies[f"link_{k}"] = lw.Body(
+            mass=1.0, centre_of_mass=(0.2, 0, 0), inertia=lw.Inertia(zz=0.1)
+        )
+        seat = lw.Frame(position=(0.4 * (k > 0), 0, 0))
+        connects = (last, f"link_{k}")
+        joints[f"hinge_{k}"] = lw.RevoluteJoint(connects=connects, frames=(seat, lw.Frame()))
+        last = f"link_{k}"
+    tools = {"tip": lw.Tool(body=last)}
+    robot = lw.Robot(
+        lw.Mechanism(bodies=bodies, joints=joints, actuators=list(joints), tools=tools)
+    )
+    told = "but the mobility is 4, more than the 3 that lead a tool; simulate it with a controller"
+    with pytest.raises(lw.LinkworkError, match=told):
+        robot.follow(lw.paths.line((1.0, 0.2), (1.0, 0.3)), 1.0, what=("x", "y"))

@@ -152,8 +152,11 @@ def require_full_pose(robot: Model, size: int, what: Sequence[str] | None) -> To
     asked, needed = task.asked_of(robot, size, what), task.freedoms(robot)
     if size != needed:
         besides = " besides spins of members about themselves" if robot.spins else ""
+        most = 3 if robot.planar else 6
+        besides += f", more than the {most} that lead a tool" if needed > most else ""
         raise LinkworkError(
             f"the path prescribes {size} coordinates of the tool, but the mobility is "
-            f"{needed}{besides}; prescribe {needed}"
+            f"{needed}{besides}; "
+            + (f"prescribe {needed}" if needed <= most else "simulate it with a controller instead")
         )
     return asked
