@@ -63,7 +63,16 @@ WINGS = {
     # What a robot is asked at a state.
     "assembling": ("asked", "assembling", "assembly", "closing"),
     "tool paths": (
-        *("following", "leading", "led_path", "modes", "path_following", "sides", "task"),
+        *(
+            "following",
+            "leading",
+            "led_path",
+            "modes",
+            "passing",
+            "path_following",
+            "sides",
+            "task",
+        ),
         *("tool_motion", "walking"),
     ),
     "whole turns": ("turning", "turns", "whole_turns"),

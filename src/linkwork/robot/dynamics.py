@@ -12,6 +12,7 @@ from linkwork import moved
 from linkwork.errors import LinkworkError
 from linkwork.gradients import derivatives
 from linkwork.model import checks, evaluation, linear
+from linkwork.model.passing import warn_of_passing
 from linkwork.model.state import Motion, State
 from linkwork.robot.kinematics import Kinematics
 
@@ -100,7 +101,8 @@ class Dynamics(Kinematics):
 
         Returns:
             u (..., actuators) [N, N m]; for a motion a `Sampled` signal over its times, to simulate
-            with.
+            with. A `ModelWarning` names the samples between which a motion passes where its
+            actuators do not hold it, so that no sample shows how large the forces become.
 
         Raises:
             LinkworkError: directions that no actuator drives, by name; an actuator-singular
@@ -113,6 +115,7 @@ class Dynamics(Kinematics):
             if forces is None:
                 state, given = motion.state, motion.accelerations
                 forces = evaluation.actuator_forces(self, state, given, weights, threads)
+            warn_of_passing(self, motion)
             return Sampled(motion.time, forces)
         if accelerations is None:
             raise LinkworkError("give the accelerations of the independent rates with a state")
