@@ -114,3 +114,21 @@ def test_refusals(name, sentence, tmp_path):
     with pytest.raises(MechanismError, match=re.escape(sentence)):
         save(getattr(lw.robots, name)(), tmp_path / "robot.sdf")
     assert not [*tmp_path.iterdir()]
+
+
+def test_names_of_what_was_inside_models_have_no_colons(tmp_path):
+    """SDF keeps them, and its readers refuse them in the names of elements."""
+    bodies = {name: lw.Body(mass=1.0) for name in ("m::a", "m_a")}
+    joints = {
+        "m::j": lw.RevoluteJoint(connects=("ground", "m::a")),
+        "k": lw.PrismaticJoint(connects=("m::a", "m_a"), axis=(1, 0, 0)),
+        "g": lw.GearJoint(ratios={"m::j": 1.0, "k": 2.0}),
+    }
+    tools = {"m::tip": lw.Tool(body="m::a")}
+    mechanism = lw.Mechanism(bodies=bodies, joints=joints, tools=tools, gravity=(0, -9.8, 0))
+    notes = save(mechanism, tmp_path / "model.sdf")
+    text = (tmp_path / "model.sdf").read_text()
+    assert "::" not in text and sum("'::'" in note for note in notes) == 1
+    again = load(tmp_path / "model.sdf").mechanism
+    assert {*again.bodies} == {"m_a_", "m_a"} and {*again.pairs} == {"m_j", "k"}
+    assert {*again.tools} == {"m_tip"} and lw.Robot(again).mobility == 1

@@ -51,6 +51,8 @@ TYPES = {
     ("turn", "turn"): "universal",
 }
 """What a joint is called, by its motions."""
+SCOPE = "::"
+NAMING = ("name", "attached_to", "relative_to", "joint")  # attributes that are names of parts
 INSTEAD = "write .xml (MJCF) or .yaml"
 
 
@@ -103,6 +105,7 @@ def to_sdf(mechanism: Mechanism) -> tuple[str, tuple[str, ...]]:
         frame = ET.SubElement(model, "frame", name=called, attached_to=link)
         add_pose(frame, poses.of_frame(tool.frame), relative_to=link)
     tell_losses(sheet)
+    rename_scoped(root, sheet.notes)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n", sheet.notes.sentences()
 
@@ -133,6 +136,26 @@ def links_of(sheet: SdfSheet) -> dict[str, str]:
             sheet.notes.say(f"bodies.{body}: its link is called {name!r}")
         found[body] = name
     return found
+
+
+def rename_scoped(root: ET.Element, notes: Notes) -> None:
+    """Give names without the mark by which SDF names what is inside models."""
+    names = {element.attrib["name"] for element in root.iter() if "name" in element.attrib}
+    called: dict[str, str] = {}
+    for name in sorted(name for name in names if SCOPE in name):
+        own = name.replace(SCOPE, "_")
+        while own in names:
+            own += "_"
+        names.add(own)
+        called[name] = own
+    for element in root.iter() if called else ():
+        for key in NAMING:
+            if element.get(key) in called:
+                element.set(key, called[element.attrib[key]])
+        if element.tag in ("parent", "child"):
+            element.text = called.get(element.text or "", element.text)
+    if called:
+        notes.say(f"names have '_' for {SCOPE!r}, which is SDF's for what is inside models")
 
 
 def add_pose(element: ET.Element, X: np.ndarray, **attributes: str) -> None:
