@@ -335,7 +335,7 @@ def test_machine_code_can_be_read_and_counted():
     assert kernel.operations == 2
     for kind in FUNCTIONS:
         assert "\tret" in kernel.assembly(kind)
-        assert 3 <= kernel.instruction_count(kind) <= 40
+        assert 3 <= kernel.instruction_count(kind) <= 60  # rows of eight states are turned
     assert kernel.instruction_count("batch") > kernel.instruction_count("one")
 
 

@@ -27,7 +27,7 @@ PAIR = 2  # blocks that a section is carried out for
 LONG = 1700
 """Number of nodes from which on code is about as long as that memory, where an instruction takes
 eight bytes, as one that reads memory does on x86."""
-SHORT = 250  # operations of a section of such code
+SHORT = 150  # operations of a section of such code
 
 
 class BlockPlaces(NamedTuple):
