@@ -38,7 +38,8 @@ def test_poses_are_at_equal_distances_with_the_first_and_the_last():
 def test_the_tools_path_is_drawn(run, robot):
     axes = plot_motion(robot, run)
     path = [line for line in axes.lines if line.get_color() == BLUE][-1]
-    np.testing.assert_array_equal(path.get_xydata(), run.variables["tool_pose"].values[:, :2])
+    told = run.variables["tool_pose"].values[:, :2]
+    np.testing.assert_allclose(path.get_xydata(), told, atol=1e-12)
     assert not [
         line for line in plot_motion(robot, run, path=False).lines if line.get_color() == BLUE
     ]

@@ -22,7 +22,7 @@ from linkwork.scene.meshes import PlacedMesh
 from linkwork.scene.parts import Bar, Coil, Hull, ScenePart, moved
 from linkwork.scene.scene import Scene, scene_of
 from linkwork.views import plane, space
-from linkwork.views.motion import nearest_samples
+from linkwork.views.motion import nearest_samples, tool_places
 
 FRAMES = 160  # at most
 UNIT = 10_000  # parts of the mechanism's size
@@ -260,6 +260,5 @@ def stroke_of_ground(scene: Scene, part: ScenePart) -> Stroke:
 def path(robot: Robot, states: State, colour: str = BLUE) -> Iterator[Stroke]:
     """Yield the path of the tool."""
     if robot.mechanism.tools:
-        path = robot.tool_pose(states)[:: -(-len(states.q) // ALONG)]
-        in_space = np.pad(path[:, :2], ((0, 0), (0, 1))) if robot.planar else path[:, :3]
-        yield Stroke("line", in_space, colour, 1.5)
+        path = tool_places(robot, states)[:: -(-len(states.q) // ALONG)]
+        yield Stroke("line", path * [1, 1, 0] if robot.planar else path, colour, 1.5)

@@ -28,7 +28,7 @@ from linkwork.scene.rails import along, rails_of
 from linkwork.scene.scene import upwards
 from linkwork.simulation import Run
 from linkwork.views.glb import Glb
-from linkwork.views.motion import nearest_samples, timed_states
+from linkwork.views.motion import nearest_samples, timed_states, tool_places
 
 FPS = 30.0
 MOST = 20_000  # keys
@@ -207,9 +207,7 @@ def tool_path(file: Glb, robot: Robot, states: State) -> list[int]:
     """Add the path of the tool as a line, where it moves."""
     if not robot.mechanism.tools or len(states.q) < 2:
         return []
-    tool = robot.mechanism.first_tool
-    place, turn = robot.body_poses(states)[tool.body]
-    points = place + turn @ np.array(tool.frame.position)
+    points = tool_places(robot, states)
     return [file.node(name="path of the tool", mesh=file.line(points, linear(BLUE)))]
 
 

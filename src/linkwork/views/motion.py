@@ -49,11 +49,19 @@ def plot_motion(
     states = states_of(robot, motion)
     axes: Any = plot_mechanism(robot, states.at(spaced(robot, states, poses)), ax)
     if path and robot.mechanism.tools and len(states.q) > 1:
-        place = robot.tool_pose(states)[:, : 2 if robot.planar else 3].T
+        place = tool_places(robot, states)[:, : 2 if robot.planar else 3].T
         with styled():
             axes.plot(*place, color="white", lw=3, zorder=5)
             axes.plot(*place, color=BLUE, lw=1.3, zorder=5.1)
     return axes
+
+
+def tool_places(robot: Robot, states: State) -> np.ndarray:
+    """Return the origin (K, 3) [m] of the first tool in the ground's axes, whatever body its
+    pose is told relative to."""
+    tool = robot.mechanism.first_tool
+    place, turn = robot.body_poses(states)[tool.body]
+    return place + turn @ np.array(tool.frame.position)
 
 
 def states_of(robot: Robot, motion: Run | Motion | State) -> State:
