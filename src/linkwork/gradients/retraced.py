@@ -29,7 +29,7 @@ from linkwork.gradients.links import (
     Steps,
 )
 from linkwork.gradients.native_steps import StateSizes
-from linkwork.gradients.switches import require_no_jumps, switching
+from linkwork.gradients.switches import Switching, require_no_jumps, switching
 from linkwork.model.charts import CompiledChart
 from linkwork.model.model import Model
 from linkwork.runs.passage import CLOSURE, Segment
@@ -50,6 +50,9 @@ OFF_KINKS, STIFFLY_OFF = 1e-7, 1e-5
 """How far off a kink the slopes of a step are taken, relative to the step, and those of a stiff
 one, whose slopes are differentiated, too: kinks are rounded off within rounding. What is integrated
 over that step is off by as much of its change."""
+NEARER = 2.0**-8
+"""Part of a step that is left to a next one before a break, and so on: stages, of lower order than
+their step, fall behind its end by as much as their errors, which shrink faster than steps."""
 TICKS = 2.0**-49  # how far off a jump steps end and begin at least, relative to the time
 OF_TIME = 0.1  # part of an event function's rate by the state, below which it is an event of time
 POWERS = np.arange(4.0)
@@ -283,8 +286,7 @@ class OfSegment:
         does."""
         last = len(self.t) - 1
         ends = sorted({0, last, *self.acts, *self.jumps, *self.kinks})
-        branching = switching(self.system, self.chart, self.whole.cost)
-        if branching is not None:
+        if (branching := self.branching) is not None:
             x = np.column_stack([self.y, values(self.system.inputs, self.t, False), self.held])
             require_no_jumps(branching, self.system.p(self.chart), self.t, x, self.cuts.keys())
         yield from self.at(0)
@@ -292,11 +294,16 @@ class OfSegment:
             yield self.steps(a, b)
             yield from self.at(b)
 
+    @cached_property
+    def branching(self) -> Switching | None:
+        """How what acts branches."""
+        return switching(self.system, self.chart, self.whole.cost)
+
     def at(self, row: int) -> Iterator[RunLink]:
         """Yield what happens at a row."""
         t = self.t[row]
         numbers = self.read[self.read_at.searchsorted(t) : self.read_at.searchsorted(t, "right")]
-        if self.whole.ended and self.segment is self.whole.segments[-1] and row == len(self.t) - 1:
+        if row == self.end:
             yield self.ending(numbers)
             return
         if row in self.jumps:
@@ -308,6 +315,12 @@ class OfSegment:
             )
         if numbers.size:
             yield ReadOff(numbers)
+
+    @property
+    def end(self) -> int | None:
+        """The row of the event that ends the run, if one does so in this segment."""
+        last = self.whole.ended and self.segment is self.whole.segments[-1]
+        return len(self.t) - 1 if last else None
 
     def state(self, row: int, held: np.ndarray, from_left: bool = False) -> Sampling:
         """Return the state of a row under some held inputs."""
@@ -334,7 +347,8 @@ class OfSegment:
         rows = t.searchsorted(times)
         ends = t[rows] == times
         between = ~ends
-        t, y = self.beside_breaks(a, b)
+        t, y, at = self.graded(a, b)
+        within = (t.searchsorted(times[between]) - 1).clip(0, len(t) - 2)
         plan, apart = plans_of(self.segment.method)
         kernels = self.whole.acting, self.chart, self.whole.cost
         return Steps(
@@ -348,9 +362,9 @@ class OfSegment:
             t,
             y,
             self.held[a],
-            rows[ends],
+            at[rows[ends]],
             numbers[ends],
-            rows[between] - 1.0,
+            within.astype(float),
             times[between],
             numbers[between],
         )
@@ -370,9 +384,14 @@ class OfSegment:
     @cached_property
     def asides(self) -> dict[int, Aside]:
         """How far off kinks and jumps steps end and begin, by row."""
-        return {
+        found = {
             row: self.aside(row, event) for row, event in self.cuts.items() if row in self.breaks
         }
+        if self.end and self.branching is not None:
+            last = self.t[self.end] - self.t[self.end - 1]
+            near, earlier = self.near(self.end, last)
+            found[self.end] = Aside(ends=near, begins=near, moved=near, earlier=earlier)
+        return found
 
     @property
     def breaks(self) -> set[int]:
@@ -392,11 +411,15 @@ class OfSegment:
         slope = self.slope(state.y[0], state.u[0])[:-1]
         of_state, of_time = self.whole.by_state_and_time(self.chart, state, event, slope)
         if row in self.jumps or not abs(of_state) > OF_TIME * abs(of_time):
-            near, earlier = self.room(row, max(OFF_JUMPS * behind, TICKS * self.t[row]))
+            near, earlier = self.near(row, behind)
             return Aside(ends=near, begins=near, moved=near, earlier=earlier)
         off, earlier = self.room(row, (STIFFLY_OFF if self.stiff else OFF_KINKS) * behind)
         moved = off * (1 + 2 * of_time / of_state)
         return Aside(ends=off, begins=-off, moved=moved, earlier=earlier)
+
+    def near(self, row: int, step: float) -> tuple[float, float]:
+        """Return how far before a jump the last step ends, and how much earlier it begins."""
+        return self.room(row, max(OFF_JUMPS * step, TICKS * self.t[row]))
 
     def room(self, row: int, off: float) -> tuple[float, float]:
         """Return how far before a break the last step may end, `off` at most, and how much earlier
@@ -419,10 +442,38 @@ class OfSegment:
             t[0] += aside.begins
         if b in self.asides:
             t[-1] -= self.asides[b].ends
+            y[-1] -= self.asides[b].ends * self.slope_before(b)
             if (earlier := self.asides[b].earlier) > 0:
                 slope = self.slope(y[-2], self.state(b - 1, self.held[b - 1]).u[0])[:-1]
                 t[-2], y[-2] = t[-2] - earlier, y[-2] - earlier * slope
         return t, y
+
+    def graded(self, a: int, b: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return times and states of the rows from a to b beside breaks, and the places of the rows
+        among them: steps that end near before a break at b are divided, ever finer towards it, so
+        that all stages of each part are on its side."""
+        t, y = self.beside_breaks(a, b)
+        places = np.arange(len(t))
+        if b not in self.asides:
+            return t, y, places
+        left = self.t[b] - t
+        for i in np.flatnonzero(left[1:] < NEARER * np.diff(t))[::-1]:
+            count = int(np.log(4 * left[i + 1] / left[i]) / np.log(NEARER))
+            times = self.t[b] - left[i] * NEARER ** np.arange(1.0, count + 1)
+            y = np.insert(y, i + 1, self.cubic(a + i, t[i : i + 2], y[i : i + 2], times), axis=0)
+            t, places[i + 1 :] = np.insert(t, i + 1, times), places[i + 1 :] + count
+        return t, y, places
+
+    def cubic(self, row: int, t: np.ndarray, y: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """Return states within the step from a row, whose ends are t (2,) and y (2, n), by the
+        slopes there."""
+        held = self.held[row]
+        given = values(self.system.inputs, t[:1], from_left=False)[0]
+        start, end = self.slope(y[0], np.append(given, held))[:-1], self.slope_before(row + 1)
+        h = t[1] - t[0]
+        chord, left = (y[1] - y[0]) / h, ((t[1] - times) / h)[:, None]
+        bend = left * (1 - left) * ((end - chord) * (1 - left) - (start - chord) * left)
+        return y[1] - h * (left * chord + bend)
 
     @cached_property
     def acts(self) -> set[int]:
@@ -498,13 +549,18 @@ class OfSegment:
         )
         return 2 * near - far
 
+    def slope_before(self, row: int) -> np.ndarray:
+        """Return y' before what happens at a row."""
+        state = self.state(row, self.held[row - 1], from_left=True)
+        return self.beside(state, -ASIDE * self.t[row])[:-1]
+
     def ending(self, numbers: np.ndarray) -> Passing:
         """Return the event that ends the run, where samples are taken."""
         events = self.segment.trajectory.events.index
         event = next(int(i) for i in events if self.system.events[i].terminal)
         row = len(self.t) - 1
         state = self.state(row, self.held[max(row - 1, 0)], from_left=True)
-        slope = self.slope(state.y[0], state.u[0])
+        slope = self.beside(state, -ASIDE * self.t[row])
         moment = self.whole.moment(self.chart, state, event, slope[:-1])
         return Passing(moment, slope[:-1], float(slope[-1]), numbers)
 

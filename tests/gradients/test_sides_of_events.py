@@ -1,0 +1,89 @@
+"""Derivatives of runs whose losses jump or bend at events, where stages of the step that ends there
+fall behind it: closed solutions of an oscillator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork import math
+from linkwork.control import Event
+
+from tests.gradients.test_runs import CART
+
+
+def hung(a):
+    """Return an oscillator of k = 30 N/m and m = 2 kg, its start at 3 m/s, the time at which it is
+    at a and the derivative of that by the speed."""
+    w = np.sqrt(15.0)
+    place = a * w / 3
+    return w, np.arcsin(place) / w, -place / 3 / w / np.sqrt(1 - place**2)
+
+
+ACCURATE = (1e-6, 1e-9, 1e-12)
+WAYS = [(None, each) for each in ACCURATE] + [("dormand_prince", 1e-7), ("rodas", 1e-8)]
+
+
+@pytest.mark.parametrize(("method", "rtol"), WAYS)
+@pytest.mark.parametrize("a", [0.5, 0.47, 0.3])
+def test_a_loss_that_jumps_where_stages_fall_behind_the_event(method, rtol, a):
+    """2 up to where x = a, then 5."""
+    robot, (_, hit, slope) = lw.Robot(CART), hung(a)
+    switch = Event(lambda t, state: state["rail"] - a, cuts=True)
+    found = robot.gradient(
+        None,
+        robot.home.with_rates([3.0]),
+        lambda t, state: [-30 * state["rail"]],
+        running=lambda t, state: math.where(state["rail"] < a, 2.0, 5.0),
+        events=[switch],
+        duration=hit + 0.15,
+        rtol=rtol,
+        atol=rtol / 10,
+        **({} if method is None else {"method": method}),
+    )
+    assert found.value == pytest.approx(2 * hit + 5 * 0.15, rel=30 * rtol + 1e-11)
+    assert found["rates.rail"] == pytest.approx(-3 * slope, rel=30 * rtol + 1e-9)
+
+
+@pytest.mark.parametrize(("method", "rtol"), WAYS)
+@pytest.mark.parametrize("a", [0.5, 0.47, 0.3])
+def test_a_loss_that_bends_where_stages_fall_behind_the_event(method, rtol, a):
+    """int max(x - a, 0) dt under x = v0 sin(w t) / w; stiff steps begin farther off a kink."""
+    within = 1e-5 if method == "rodas" else 1e-7
+    robot, (w, hit, _) = lw.Robot(CART), hung(a)
+    switch, ahead = Event(lambda t, state: state["rail"] - a, cuts=True), 0.15
+    found = robot.gradient(
+        None,
+        robot.home.with_rates([3.0]),
+        lambda t, state: [-30 * state["rail"]],
+        running=lambda t, state: math.where(state["rail"] < a, 0.0, state["rail"] - a),
+        events=[switch],
+        duration=hit + ahead,
+        rtol=rtol,
+        atol=rtol / 10,
+        **({} if method is None else {"method": method}),
+    )
+    swing = (np.cos(w * hit) - np.cos(w * (hit + ahead))) / w**2
+    assert found.value == pytest.approx(3 * swing - a * ahead, rel=30 * rtol + within)
+    assert found["rates.rail"] == pytest.approx(swing, rel=100 * rtol + within)
+
+
+@pytest.mark.parametrize(("method", "rtol"), WAYS)
+def test_a_loss_that_jumps_where_the_run_ends(method, rtol):
+    """2 up to where x = a and the run ends."""
+    a = 0.5
+    robot, (_, hit, slope) = lw.Robot(CART), hung(a)
+    found = robot.gradient(
+        None,
+        robot.home.with_rates([3.0]),
+        lambda t, state: [-30 * state["rail"]],
+        running=lambda t, state: math.where(state["rail"] < a, 2.0, 5.0),
+        events=[Event(lambda t, state: state["rail"] - a, terminal=True, cuts=True)],
+        duration=2.0,
+        rtol=rtol,
+        atol=rtol / 10,
+        **({} if method is None else {"method": method}),
+    )
+    assert found.value == pytest.approx(2 * hit, rel=30 * rtol + 1e-11)
+    assert found["rates.rail"] == pytest.approx(2 * slope, rel=30 * rtol + 1e-9)
