@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ctypes
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -82,6 +83,22 @@ def test_sections_of_two_blocks_give_the_bits_of_one_piece(
     assert len(by_sections.cut(program, X86, 1)[1].sections) > 3
     for key, found in results(program).items():
         np.testing.assert_array_equal(found, plain[key], err_msg=str(key))
+
+
+def test_results_that_later_sections_read_are_written_once(long):
+    x = ca.SX.sym("x", 8)
+    first = ca.cumsum(x * x)
+    rest = first
+    for _ in range(12):
+        rest = ca.vertcat(rest[1:], rest[0]) * first + x
+    program = simplify(trace(ca.Function("f", [x], [first, rest])))
+    cut, plan = by_sections.cut(program, X86, 1)
+    home = {k: s for s, section in enumerate(plan.sections) for k in section.nodes}
+    needed = {
+        a for k, s in home.items() for a in cut.nodes[k].args if home.get(a, s) != s
+    }  # by another section than its own
+    assert needed & {*plan.places}
+    assert {*plan.kept} == needed - {*plan.places}
 
 
 def test_long_programs_are_cut_where_instructions_take_many_bytes():

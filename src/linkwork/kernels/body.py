@@ -109,9 +109,10 @@ class OperationValues:
 class SectionBody(OperationValues):
     """The code of sections, which reads %in and writes %out.
 
-    What other sections compute is read from the slots at `source`; what they need is written to the
-    slots at `target`. So many vectors lie `abreast` in a row of %in and of %out; the first `shared`
-    inputs are single numbers for all lanes, and whole vectors follow them.
+    What other sections compute is read from the slots at `source`, or where it is a result; what
+    they need is written to the slots at `target`. So many vectors lie `abreast` in a row of %in and
+    of %out; the first `shared` inputs are single numbers for all lanes, and whole vectors follow
+    them.
     """
 
     def __init__(
@@ -161,6 +162,8 @@ class SectionBody(OperationValues):
             )
         if op in ("sin", "cos") and args[0] in self._turned:
             return self._turned[args[0]][op == "cos"]
+        if op not in FETCHED and k not in self.plan.kept:
+            return self.lines.load("%out", self.plan.places[k][0] * self.abreast)
         return self.lines.load(self.source, self.plan.slot(k))
 
 

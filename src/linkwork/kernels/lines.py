@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from linkwork.kernels.machine import Machine
 
-INOUT = "ptr noalias nonnull readonly {}, ptr noalias nonnull writeonly {}"
+INOUT = "ptr noalias nonnull readonly {}, ptr noalias nonnull {}"
 
 
 @dataclass(frozen=True)

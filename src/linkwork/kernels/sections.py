@@ -51,7 +51,8 @@ class SectionPlan:
     """A program as sections, and the memory they need, in slots of one number each.
 
     apart: whether the sections are functions of their own
-    kept: the slot of each value that a later section needs, where they are
+    kept: the slot of each value that a later section needs, where they are, but for results that
+        short sections read
     sines, cosines: slots by the angle's position; slots: number of slots
     places: in the flat output vector, by the value's position
     fixed: results that no section writes: constants by their places
@@ -127,10 +128,12 @@ def planned(
         slots += 3 * size
 
     # What no angle needs comes last. Sections that are compiled apart keep in memory what others
-    # need.
+    # need; short ones read results where these are written.
     sections += pieces(k for k in range(len(nodes)) if k not in done)
     apart = large or max(section.vectors for section in sections) > _MANY
     last = _last(nodes, sections) if apart else {}
+    if short:
+        last = {k: s for k, s in last.items() if k not in places}
     parts = _call_parts(nodes, sections, places, last)
     kept = _slots(sections, last, slots)
     return SectionPlan(
