@@ -52,3 +52,21 @@ def test_what_is_not_read_is_not_moved(read):
     (found,) = kernel(rows, factors[:, :2])
     one_by_one = [kernel(row, factor)[0] for row, factor in zip(rows, factors[:, :2], strict=True)]
     np.testing.assert_array_equal(found, one_by_one)
+
+
+@pytest.mark.parametrize("states", [1, HERE.lanes, 3 * HERE.lanes, 3 * HERE.lanes + 1])
+@pytest.mark.parametrize("shared", [(), (1,), (0, 2), (0, 1, 2)])
+def test_rows_that_all_states_share_are_those_of_each(states, shared):
+    """Results of stacks are those of single states, bit for bit, whichever inputs are one row."""
+    sizes = 5, 1, 2
+    x, y, z = inputs = [ca.SX.sym(name, size) for name, size in zip("xyz", sizes, strict=True)]
+    value = ca.vertcat(ca.sin(x[0]) * y + x[4] * z[1], x[2] - z[0])
+    kernel = compile_function(ca.Function("shared", inputs, [value]))
+    assert kernel.rows_address
+    random = np.random.default_rng(0)
+    given = [random.normal(size=(states, size)) for size in sizes]
+    given = [rows[0] if k in shared else rows for k, rows in enumerate(given)]
+    rows = [np.broadcast_to(part, (states, part.shape[-1])) for part in given]
+    (found,) = kernel(*given)
+    one_by_one = [kernel(*own)[0] for own in zip(*rows, strict=True)]
+    np.testing.assert_array_equal(np.broadcast_to(found, (states, 2)), one_by_one)

@@ -24,11 +24,18 @@ def rows_text(program: Program, machine: Machine) -> str:
     lines = Lines(machine.lanes)
     lines.do("%last = add i64 %states, -1")
     lines.do("%some = icmp sgt i64 %states, 0")
-    # Whether all rows of the inputs lie without gaps: then whole blocks are transposed.
-    dense = "true"
-    for k, (size, _) in enumerate(_placed(program.inputs)):
-        same = lines.let(f"icmp eq i64 {_entry(lines, 'i64', '%strides', k)}, {size}")
-        dense = lines.let(f"and i1 {dense}, {same}")
+    # Whether rows of the inputs lie without gaps: then whole blocks are transposed. A row that all
+    # states share is moved once.
+    dense, apart = "true", {}
+    for k, (size, start) in enumerate(_placed(program.inputs)):
+        stride = _entry(lines, "i64", "%strides", k)
+        shared = lines.let(f"icmp eq i64 {stride}, 0")
+        apart[k] = lines.let(f"icmp eq i64 {stride}, {size}")
+        known = lines.let(f"or i1 {shared}, {apart[k]}")
+        dense = lines.let(f"and i1 {dense}, {known}")
+        count = lines.let(f"select i1 {shared}, i64 {size}, i64 0")
+        rows, place = _entry(lines, "ptr", "%in", k), lines.at("%x", start)
+        lines.do(f"call void @gather(i64 {count}, ptr {rows}, i64 0, i64 0, i64 0, ptr {place})")
     lines.do("br i1 %some, label %block, label %done")
     lines.label("block")
     lines.do("%first = phi i64 [ 0, %entry ], [ %first.next, %onward ]")
@@ -39,7 +46,11 @@ def rows_text(program: Program, machine: Machine) -> str:
     read = {int(node.value) for node in program.nodes if node.op == "input"}
     for k, (size, start) in enumerate(_placed(program.inputs)):
         own = {place - start for place in read if start <= place < start + size}
+        lines.do(f"br i1 {apart[k]}, label %apart.{k}, label %moved.{k}")
+        lines.label(f"apart.{k}")
         _move_whole(lines, "gather", _rows_from(lines, "%in", k, size), size, ("%x", start), own)
+        lines.do(f"br label %moved.{k}")
+        lines.label(f"moved.{k}")
     lines.do("call void @batch(i64 1, ptr %x, ptr %y)")
     for k, (size, start) in enumerate(_placed(program.outputs)):
         _move_whole(lines, "scatter", _rows_from(lines, "%out", k, size), size, ("%y", start))
