@@ -20,8 +20,9 @@ import numpy as np
 from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.gradients import run_kernels
+from linkwork.gradients.chain import rates_jacobian
 from linkwork.gradients.links import Changes, LossSlopes
-from linkwork.gradients.retraced import Retraced, rates_jacobian
+from linkwork.gradients.retraced import Retraced
 from linkwork.simulation import Sampled, stack
 
 SAMPLES = "samples"  # the group of the values of forces that are given by samples

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
+from linkwork.gradients.chain import chained
 from linkwork.gradients.links import Changes, LossSlopes, Partials
 from linkwork.gradients.numbers import Numbers
 from linkwork.gradients.retraced import Retraced, retraced
@@ -39,7 +40,7 @@ def sensitivity(
     wanted, numbers = quantities_of(run, quantities), Numbers(of)
     names = numbers.chosen(to)
     changes = numbers.changes(names)
-    for link in of.links:
+    for link in chained(of):
         link.along(changes)
     # What is read, from the changes of states, inputs and parameters at the samples.
     found = {}
@@ -153,7 +154,7 @@ def work_along(of: Retraced, names: tuple[str, ...], changes: Changes) -> np.nda
     done = WorkDone(of)
     done.require_no_jumps()
     inner = Numbers(done.at_nodes).changes(names)
-    for link in done.at_nodes.links:
+    for link in chained(done.at_nodes):
         link.along(inner)
     powers = np.empty((len(done.at_nodes.samples.t), len(names)))
     for own, partials in partials_of(done.at_nodes, "power", power):
@@ -177,7 +178,7 @@ def work_against(of: Retraced, slopes: LossSlopes, bars: np.ndarray) -> np.ndarr
 
 def led_back(of: Retraced, numbers: Numbers, slopes: LossSlopes) -> np.ndarray:
     """Lead derivatives of a loss back to the start; return those with respect to all numbers."""
-    for link in reversed(of.links):
+    for link in reversed(chained(of)):
         link.against(slopes)
     found = numbers.gathered(slopes)
     require_finite("the loss", found)

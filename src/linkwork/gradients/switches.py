@@ -2,13 +2,12 @@
 
 What is traced branches by comparisons, and by what rounds numbers: `linkwork.math.where`, `sign`,
 `floor`. Their values are the modes of what acts. Where the modes change within a step, the change
-is found by halving the straight way between both ends; if what acts jumps there, the derivative of
-the steps lacks that, unless the step ended at an event.
+is found by halving the straight way between two places of it; if what acts jumps there, the
+derivative of the steps lacks that. Where steps end at events, they are looked at on their own side.
 """
 
 from __future__ import annotations
 
-from collections.abc import Set
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -18,6 +17,7 @@ import numpy as np
 from linkwork.control.acting import Acting
 from linkwork.control.joined import Joined
 from linkwork.errors import LinkworkError
+from linkwork.gradients.instants import at_instants
 from linkwork.kernels import Kernel
 from linkwork.model.charts import CompiledChart
 from linkwork.runs.system import System
@@ -27,7 +27,8 @@ STEPPING = {
     for name in ("LT", "LE", "EQ", "NE", "FLOOR", "CEIL", "SIGN", "FMOD", "COPYSIGN")
 }
 """Operations that step."""
-JUMP = 1e-6  # change of what acts, relative to its size, that is a jump
+JUMP, NOISE = 1e-6, 1e-12
+"""Change of a number of what acts that is a jump, relative to its size near by and the largest."""
 NEAR = 2.0**-40  # width of the way in which a change is found, relative to the step
 MOST = 16  # changes within a step that are looked at
 
@@ -92,38 +93,38 @@ def modes(of: ca.Function, given: list[ca.SX], of_time: ca.SX) -> list[ca.SX]:
 
 
 def require_no_jumps(
-    own: Switching, p: np.ndarray, t: np.ndarray, x: np.ndarray, ended: Set[int]
+    own: Switching, p: np.ndarray, t: np.ndarray, x: np.ndarray, fixed: bool
 ) -> None:
-    """Refuse a run on which what acts jumps where no step ended.
+    """Refuse steps within which what acts jumps.
 
     Args:
-        p: parameters; t, x: times (K) and (y, r) at the ends of steps (K, n + nr), inputs as they
-            are behind them.
-        ended: rows at which a step ended at an event.
+        p: parameters; t, x: times (K, M) and (y, r) at M places of each step (K, M, n + nr), from
+            its beginning to its end.
+        fixed: whether their lengths are given, so that none ends at an event.
     """
-    ends = np.cumsum([size for _, size in own.kernel.inputs])[:-2]
-    rows = own.kernel(*np.split(x, ends, axis=1), p)[0]
-    for i in np.flatnonzero((np.diff(rows, axis=0) != 0).any(axis=1)):
-        if ended & {i, i + 1}:
-            continue
-        at = jump(own, x[i], x[i + 1], p)
+    modes = at_instants(own.kernel, x, p)[0]
+    change = (np.diff(modes, axis=1) != 0).any(axis=2)
+    for i, k in np.argwhere(change):
+        at = jump(own, x[i, k], x[i, k + 1], p)
         if at is not None:
+            cure = "take a method that chooses its steps, and " if fixed else ""
             raise LinkworkError(
-                f"what acts jumps at t = {t[i] + at * (t[i + 1] - t[i]):.6g} s, where no step ends,"
-                " so that derivatives would lack the jump; watch for the switch by an event that "
-                "ends steps, Event(function, cuts=True)"
+                f"what acts jumps at t = {t[i, k] + at * (t[i, k + 1] - t[i, k]):.6g} s, where no "
+                f"step ends, so that derivatives would lack the jump; {cure}watch for the switch "
+                "by an event that ends steps, Event(function, cuts=True)"
             )
 
 
 def jump(own: Switching, start: np.ndarray, end: np.ndarray, p: np.ndarray) -> float | None:
-    """Return where on the straight way from one state to another what acts jumps, from 0 to 1;
-    None where it does not."""
+    """Return where on the straight way from one state to another what acts jumps, from 0 to 1, or
+    has changed more often than is looked at; None where it does not."""
     modes, kernel = own.modes, own.kernel
 
     def at(place: float) -> np.ndarray:
         return kernel.flat(start + place * (end - start), p)
 
     place, here, last = 0.0, at(0.0), at(1.0)
+    sizes = np.maximum(np.abs(here[modes:]), np.abs(last[modes:]))
     for _ in range(MOST):
         if (here[:modes] == last[:modes]).all():
             return None
@@ -133,8 +134,9 @@ def jump(own: Switching, start: np.ndarray, end: np.ndarray, p: np.ndarray) -> f
             same = (at(middle)[:modes] == here[:modes]).all()
             low, high = (middle, high) if same else (low, middle)
         before, behind = at(low)[modes:], at(high)[modes:]
-        size = np.maximum(np.abs(before), np.abs(behind)).max(initial=0.0)
-        if np.abs(behind - before).max(initial=0.0) > JUMP * size:
+        sizes = np.maximum.reduce([sizes, np.abs(before), np.abs(behind)])
+        bounds = np.maximum(JUMP * sizes, NOISE * sizes.max(initial=0.0))
+        if (np.abs(behind - before) > bounds).any():
             return high
         place, here = high, at(high)
-    return None
+    return place

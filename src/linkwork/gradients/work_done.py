@@ -20,8 +20,10 @@ import numpy as np
 
 from linkwork.control.joined import Joined
 from linkwork.errors import LinkworkError
-from linkwork.gradients.links import Passing
-from linkwork.gradients.retraced import Retraced, Sampling, sampled
+from linkwork.gradients.breaks import Breaks
+from linkwork.gradients.instants import Sampling, sampled
+from linkwork.gradients.retraced import Retraced
+from linkwork.gradients.segment_rows import SegmentRows
 from linkwork.runs.work import NODES, integrals, nodes
 
 
@@ -121,8 +123,8 @@ class WorkDone:
 
     def require_no_jumps(self) -> None:
         """Refuse events within the run at which what acts jumps."""
-        jumps = [link for link in self.of.links[:-1] if isinstance(link, Passing)]
-        if jumps:
+        rows = (SegmentRows(self.of, number) for number in range(len(self.of.segments)))
+        if any(Breaks(own).jumps for own in rows):
             raise LinkworkError(
                 "the work is not differentiated over an event at which what acts jumps; "
                 "differentiate a run up to there, and one from there on"

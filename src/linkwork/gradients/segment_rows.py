@@ -1,0 +1,175 @@
+"""The rows of a segment of a run, at each of which a step ended, and what happened there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+
+import numpy as np
+
+from linkwork.gradients.instants import Sampling, values
+from linkwork.gradients.retraced import Retraced
+from linkwork.model.charts import CompiledChart
+from linkwork.runs.passage import Segment
+from linkwork.runs.system import System
+from linkwork.simulation.fixed_steps import SymplecticEuler
+from linkwork.simulation.methods import METHODS
+from linkwork.simulation.native_between import ROUNDING
+from linkwork.simulation.rosenbrock import RODAS
+from linkwork.simulation.tableaus import StepPlan
+
+CLOSE = 2.0**-38  # how near to an event a step ends at it, relative to the time and to the step
+ASIDE = 1e-9  # how far from an event both sides of it are looked at, relative to the time
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentRows:
+    """Look at the rows of a segment; number: its own in the run."""
+
+    whole: Retraced
+    number: int
+
+    @property
+    def segment(self) -> Segment:
+        return self.whole.segments[self.number]
+
+    @property
+    def chart(self) -> CompiledChart:
+        return self.segment.chart
+
+    @property
+    def system(self) -> System:
+        return self.whole.system
+
+    @cached_property
+    def t(self) -> np.ndarray:
+        return np.ascontiguousarray(self.segment.trajectory.t)
+
+    @cached_property
+    def y(self) -> np.ndarray:
+        part = self.segment.trajectory
+        return np.ascontiguousarray(part.rows[:, 1 : 1 + part.y_end.size])
+
+    @cached_property
+    def held(self) -> np.ndarray:
+        """What a sampled controller holds from each row on (K, nh)."""
+        u = self.segment.trajectory.u
+        return np.ascontiguousarray(u[:, u.shape[1] - self.whole.held :])
+
+    @property
+    def last(self) -> int:
+        """The last row."""
+        return len(self.t) - 1
+
+    @property
+    def plans(self) -> tuple[StepPlan, StepPlan]:
+        """Its method as loops take it, and as it steps what stands apart."""
+        return plans_of(self.segment.method)
+
+    @property
+    def stiff(self) -> bool:
+        """Whether its steps are those of the stiff method, which takes slopes where they begin."""
+        return self.segment.method == RODAS.name
+
+    @property
+    def end(self) -> int | None:
+        """The row of the event that ends the run, if one does so in this segment."""
+        ended = self.whole.ended and self.segment is self.whole.segments[-1]
+        return self.last if ended else None
+
+    def state(self, row: int, held: np.ndarray, from_left: bool = False) -> Sampling:
+        """Return the state of a row under some held inputs."""
+        t = self.t[row : row + 1]
+        u = np.concatenate([values(self.system.inputs, t, from_left)[0], held])
+        return Sampling(np.array([self.number]), t, self.y[row : row + 1], u[None])
+
+    @cached_property
+    def acts(self) -> set[int]:
+        """The rows at which a sampled controller is called."""
+        control, sampler = self.segment.trajectory.control, self.system.sampler
+        if sampler is None or control is None:
+            return set()
+        period, following = sampler.period, control.next_sample
+        assert following is not None
+        due = np.floor(self.t / period + ROUNDING)
+        return {
+            row
+            for row, number in enumerate(due)
+            if number < following
+            and abs(self.t[row] - number * period) <= ROUNDING * period
+            and not (row == 0 and self._called_before(number))
+        }
+
+    def _called_before(self, number: float) -> bool:
+        """Tell whether the call of the first row was the last one of the segment before."""
+        if not self.number:
+            return False
+        control = self.whole.segments[self.number - 1].trajectory.control
+        return control is not None and (control.next_sample or 0) > number
+
+    @cached_property
+    def cuts(self) -> dict[int, int]:
+        """The rows at which steps ended at events, with the numbers of these."""
+        found, events = {}, self.segment.trajectory.events
+        for time, event in zip(events.times, events.index, strict=True):
+            row = int(np.abs(self.t - time).argmin())
+            size = max(self.t[row], self.t[row] - self.t[row - 1])
+            if self.system.events[event].cuts and abs(self.t[row] - time) <= CLOSE * size:
+                found[row] = int(event)
+        return found
+
+    def slope(self, y: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return y' in a state, and the cost, 0 if there is none."""
+        p, cost = self.system.p(self.chart), self.whole.cost
+        found = self.system.kernel(self.chart, "motion").flat(y, u, p)
+        found[-1] = 0.0
+        if cost is not None:
+            found[-1] = self.system.kernel(self.chart, "events").flat(y, u, p)[cost]
+        return found
+
+    def beside(self, state: Sampling, aside: float) -> np.ndarray:
+        """Return y' and the cost at an event from one side, by two instants along the motion
+        there."""
+        (y,), (u,) = state.y, state.u
+        along, signals = self.slope(y, u)[:-1], self.system.inputs
+        times = state.t + aside * np.array([1.0, 2.0])
+        inputs = values(signals, times, from_left=aside < 0)
+        held = u[inputs.shape[1] :]
+        near, far = (
+            self.slope(y + d * along, np.concatenate([r, held]))
+            for d, r in zip(times - state.t, inputs, strict=True)
+        )
+        return 2 * near - far
+
+    def slope_before(self, row: int) -> np.ndarray:
+        """Return y' before what happens at a row."""
+        state = self.state(row, self.held[row - 1], from_left=True)
+        return self.beside(state, -ASIDE * self.t[row])[:-1]
+
+
+def symplectic(of_rates: Sequence[int], of_q: Sequence[int]) -> tuple[StepPlan, StepPlan]:
+    """Return symplectic steps by two slopes, the second one at the new rates: which of them moves
+    the rates, and which q."""
+    plans = (
+        replace(
+            SymplecticEuler.plan,
+            a=np.array([[0.0] * 3, second, moved]),
+            c=np.zeros(3),
+            e=np.empty((0, 3)),
+            dense=np.array([[*moved, 0.0]]),
+            solution=2,
+        )
+        for second, moved in ((of_rates, of_rates), ([0] * 3, of_q))
+    )
+    return next(plans), next(plans)
+
+
+@cache
+def plans_of(method: str) -> tuple[StepPlan, StepPlan]:
+    """Return the method of this name as loops take it, and as it steps what stands apart."""
+    if method == SymplecticEuler.name:
+        return symplectic(of_rates=[1, 0, 0], of_q=[0, 1, 0])
+    known = (entry.make(1.0) if entry.fixed else entry.make() for entry in METHODS.values())
+    plan = next(each.plan for each in known if each.name == method)
+    return plan, plan

@@ -1,0 +1,135 @@
+"""Switches for which nobody watches, in steps that end or begin at events, and events that hardly
+pass zero: closed solutions of a cart of 2 kg."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork import math
+from linkwork.control import Event
+from linkwork.errors import LinkworkError
+
+from tests.gradients.test_runs import CART
+
+ADAPTIVE = [{}, {"method": "dormand_prince"}, {"method": "rodas"}]
+FIXED = [{"method": "rk4", "step": 0.01}, {"method": "symplectic_euler", "step": 1e-3}]
+LAST = 0.5
+
+
+def at(place):
+    return Event(lambda t, state: state["rail"] - place, cuts=True)
+
+
+def paid(robot, places, watched, duration=1.0, **own):
+    """Lead the cart by 1 m/s past places, at each of which what is paid a second grows by 3."""
+    return robot.gradient(
+        None,
+        robot.home.with_rates([1.0]),
+        [0.0],
+        running=lambda t, s: 2 + sum(math.where(s["rail"] < place, 0.0, 3.0) for place in places),
+        events=[at(place) for place in watched],
+        duration=duration,
+        **own,
+    )
+
+
+PLACES = [LAST - 1e-2, LAST - 1e-6, LAST + 1e-6, LAST + 1e-2]
+
+
+@pytest.mark.parametrize("own", ADAPTIVE)
+@pytest.mark.parametrize("near", PLACES)
+def test_another_switch_near_an_event_is_not_left_out(near, own):
+    robot = lw.Robot(CART)
+    with pytest.raises(LinkworkError, match=f"what acts jumps at t = {near:.6g} s, .*; watch"):
+        paid(robot, (near, LAST), (LAST,), **own)
+    found = paid(robot, (near, LAST), (near, LAST), **own)
+    assert found.value == pytest.approx(2 + 3 * (1 - near) + 3 * (1 - LAST), rel=1e-10)
+    assert found["positions.rail"] == pytest.approx(6.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("own", FIXED)
+@pytest.mark.parametrize("near", [LAST - 1e-4, LAST + 1e-4])
+def test_steps_of_given_lengths_end_at_no_event(near, own):
+    """But at those that meet their ends."""
+    robot = lw.Robot(CART)
+    for watched in [(LAST,), (near, LAST)]:
+        with pytest.raises(LinkworkError, match=f"t = {near:.6g} s, .* method that chooses its"):
+            paid(robot, (near, LAST), watched, **own)
+    found = paid(robot, (LAST,), (LAST,), **own)
+    assert found["positions.rail"] == pytest.approx(3.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("own", [*ADAPTIVE, *FIXED])
+def test_a_switch_that_two_events_or_the_end_meet_is_watched_for(own):
+    robot = lw.Robot(CART)
+    found = paid(robot, (LAST,), (LAST, LAST), **own)
+    assert found["positions.rail"] == pytest.approx(3.0, rel=1e-9)
+    # The end is at the switch, but for rounding: it is looked at from before.
+    found = paid(robot, (LAST,), (LAST,), duration=LAST, **own)
+    assert found.value == pytest.approx(2 * LAST, rel=1e-9)
+
+
+def test_a_passage_shorter_than_a_step_is_seen_by_its_stages():
+    """What is paid between 0.7 m and 0.71 m alone, in steps of 0.05 s whose ends are without."""
+    robot = lw.Robot(CART)
+    with pytest.raises(LinkworkError, match=r"what acts jumps at t = 0\.72"):
+        robot.gradient(
+            None,
+            robot.home.with_rates([1.0]),
+            [0.0],
+            running=lambda t, s: math.where(math.abs(s["rail"] - 0.725) < 5e-3, 1.0, 0.0),
+            duration=1.0,
+            method="rk4",
+            step=0.05,
+        )
+
+
+def thrown(depth, **own):
+    """Return a cart thrown against 4 N that stops at an event below its top, of 0.25 m, by a depth
+    relative to that; with the event's time and the derivative of that by the speed."""
+    robot, place = lw.Robot(CART), 0.25 * (1 - depth)
+    stop = Event(lambda t, state: state["rail"] - place, terminal=True, name="stop")
+    run = robot.simulate(robot.home.with_rates([1.0]), [-4.0], duration=1.0, events=[stop], **own)
+    hit = (1 - np.sqrt(depth)) / 2
+    return run, hit, -hit / (1 - 2 * hit)
+
+
+@pytest.mark.parametrize("own", [*ADAPTIVE, FIXED[0]])
+def test_events_that_pass_zero_by_little_have_times_with_derivatives(own):
+    run, hit, slope = thrown(1e-6, **own)
+    assert run.time[-1] == pytest.approx(hit, abs=1e-9)
+    assert run.gradient({"event_time": [1.0]})["rates.rail"] == pytest.approx(slope, rel=1e-7)
+
+
+@pytest.mark.parametrize("own", [{}, {"rtol": 1e-11, "atol": 1e-12}])
+def test_events_that_pass_zero_by_no_more_than_errors_are_refused(own):
+    run, *_ = thrown(1e-13, **own)
+    with pytest.raises(LinkworkError, match=r"'stop' at t = 0.4999.* touches zero"):
+        run.gradient({"event_time": [1.0]})
+
+
+def test_jumps_of_small_numbers_count_beside_large_ones():
+    """1e-5 is paid a second from 0.05 m on, under accelerations of up to 75 m/s^2."""
+    robot, a, w, v0 = lw.Robot(CART), 0.05, np.sqrt(1500.0), 3.0
+    hit = np.arcsin(a * w / v0) / w
+
+    def found(*events):
+        return robot.gradient(
+            None,
+            robot.home.with_rates([v0]),
+            lambda t, state: [-3000 * state["rail"]],
+            running=lambda t, state: math.where(state["rail"] < a, 0.0, 1e-5),
+            events=events,
+            duration=hit + 0.01,
+            rtol=1e-10,
+            atol=1e-12,
+        )
+
+    with pytest.raises(LinkworkError, match="what acts jumps"):
+        found()
+    watched = found(at(a))
+    slope = -a / v0**2 / np.sqrt(1 - (a * w / v0) ** 2)
+    assert watched.value == pytest.approx(1e-7, rel=1e-7)
+    assert watched["rates.rail"] == pytest.approx(-1e-5 * slope, rel=1e-7)
