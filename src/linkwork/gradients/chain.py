@@ -15,7 +15,7 @@ from linkwork.control.joined import Joined
 from linkwork.gradients import run_kernels
 from linkwork.gradients.breaks import Breaks
 from linkwork.gradients.links import ChartChange, ControllerCall, Passing, ReadOff, RunLink, Steps
-from linkwork.gradients.native_steps import StateSizes
+from linkwork.gradients.native_steps import StateSizes, StepsTaken
 from linkwork.gradients.retraced import Retraced
 from linkwork.gradients.segment_rows import ASIDE, SegmentRows
 from linkwork.model.charts import CompiledChart
@@ -121,21 +121,24 @@ class SegmentLinks:
         within = (t.searchsorted(times[between]) - 1).clip(0, len(t) - 2)
         plan, apart = rows.plans
         kernels = rows.whole.acting, rows.chart, rows.whole.cost
+        taken = StepsTaken(
+            p=rows.system.p(rows.chart),
+            plan=plan.table,
+            plan_apart=apart.table,
+            signal=rows.system.inputs.table,
+            t=t,
+            y=y,
+            held=rows.held[a],
+            places=within.astype(float),
+            times=times[between],
+        )
         return Steps(
             run_kernels.addresses(*kernels),
             run_kernels.stiff_addresses(*kernels) if rows.stiff else None,
             self.sizes,
-            rows.system.p(rows.chart),
-            plan.table,
-            apart.table,
-            rows.system.inputs.table,
-            t,
-            y,
-            rows.held[a],
+            taken,
             at[near[ends]],
             numbers[ends],
-            within.astype(float),
-            times[between],
             numbers[between],
         )
 

@@ -21,7 +21,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linkwork.gradients import native_sweeps
-from linkwork.gradients.native_steps import DerivativeKernels, StateSizes, StiffKernels
+from linkwork.gradients.native_steps import (
+    DerivativeKernels,
+    StateSizes,
+    StepsTaken,
+    StiffKernels,
+)
 
 
 @dataclass(eq=False)
@@ -169,26 +174,17 @@ class RunLink:
 class Steps(RunLink):
     """Steps under the same held inputs.
 
-    kernels, sizes: as the sweeps take them; p, plan, plan_apart, signal: parameters, the method's
-    tables, and that of the inputs; t (K,), y (K, n): where steps end; held (nh)
-    rows, at_rows: of samples at ends of steps, with their numbers; places, times, numbers: of
-        samples within steps, in order
+    kernels, sizes, taken: as the sweeps take them
+    rows, at_rows: of samples at ends of steps, with their numbers; numbers: of the samples within
+        steps
     """
 
     kernels: DerivativeKernels
     stiff: StiffKernels | None
     sizes: StateSizes
-    p: np.ndarray
-    plan: np.ndarray
-    plan_apart: np.ndarray
-    signal: np.ndarray
-    t: np.ndarray
-    y: np.ndarray
-    held: np.ndarray
+    taken: StepsTaken
     rows: np.ndarray
     at_rows: np.ndarray
-    places: np.ndarray
-    times: np.ndarray
     numbers: np.ndarray
 
     @property
@@ -204,13 +200,13 @@ class Steps(RunLink):
 
     @property
     def _given(self) -> tuple[Any, ...]:
-        head = tuple(self.kernels), tuple(self.sizes), self.p, self.plan, self.plan_apart
-        return (*head, self.signal, self.t, self.y, self.held, self.places, self.times)
+        return tuple(self.kernels), tuple(self.sizes), tuple(self.taken)
 
     def along(self, changes: Changes) -> None:
         count, n = changes.y.shape
         dy, held = np.array(changes.y, order="C"), np.ascontiguousarray(changes.held)
-        ends, inner = np.empty((len(self.t), count, n)), np.empty((len(self.places), count, n))
+        ends = np.empty((len(self.taken.t), count, n))
+        inner = np.empty((len(self.numbers), count, n))
         tangent, _ = self._sweeps
         tangent(*self._given, changes.p, changes.signal, held, dy, ends, inner)
         changes.y = dy
@@ -218,7 +214,7 @@ class Steps(RunLink):
         changes.sample_held[self.at_rows] = changes.sample_held[self.numbers] = held
 
     def against(self, slopes: LossSlopes) -> None:
-        ends, inner = np.zeros(self.y.shape), slopes.sample_y[self.numbers]
+        ends, inner = np.zeros(self.taken.y.shape), slopes.sample_y[self.numbers]
         np.add.at(ends, self.rows, slopes.sample_y[self.at_rows])  # events are samples, too
         bar, held = slopes.y.copy(), slopes.held.copy()
         for numbers in (self.at_rows, self.numbers) if held.size else ():

@@ -66,6 +66,27 @@ class StateSizes(NamedTuple):
     redundant: int
 
 
+class StepsTaken(NamedTuple):
+    """Steps of a run that sweeps go over.
+
+    p (np,): parameters; plan, plan_apart: the method's `StepPlan.table`, and that of the numbers
+    that stand apart; signal: `Signal.table`; t (K,), y (K, n): times and states at which steps end;
+    held (nh,): inputs
+    places, times (S,): of samples, in order: the number of the step that each is in, from 0 on, and
+        its time
+    """
+
+    p: Any
+    plan: Any
+    plan_apart: Any
+    signal: Any
+    t: Any
+    y: Any
+    held: Any
+    places: Any
+    times: Any
+
+
 class StepBench(NamedTuple):
     """Where a step is made again.
 

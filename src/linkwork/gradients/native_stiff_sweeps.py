@@ -8,6 +8,7 @@ from numba import njit
 from linkwork.gradients.native_steps import (
     DerivativeKernels,
     StateSizes,
+    StepsTaken,
     StiffKernels,
     bench_at,
     bench_size,
@@ -33,6 +34,8 @@ from linkwork.gradients.native_stiff_steps import (
 from linkwork.gradients.native_sweeps import (
     BACKWARDS,
     FORWARDS,
+    OfInputs,
+    direction_of,
     inputs_against,
     row_against,
     row_along,
@@ -49,21 +52,19 @@ from linkwork.simulation.pointers import call, combine, pointer
 
 
 @njit(**OPTIONS)
-def stages_along(
-    bench, stiff, kernels, second, sizes, method, inputs, h, signals, held, dp, dy, dk, room
-):  # fmt: skip
+def stages_along(bench, stiff, kernels, second, sizes, method, inputs, h, change, dy, dk, room):
     """Leave all dk of a step, for dy at its start."""
     n, width, rows, columns = sizes.n, bench.width, method.stages, sizes.signals
     given, e = given_size(sizes), method.e
     # f_u du'(t), and dx_0 as the kernel of second derivatives takes it.
     piece = int(bench.pieces[1])
     s, forcing = bench.times[1] - inputs.knots[piece], room + columns
-    rates_of(signals + 4 * columns * piece, columns, s, room)
+    rates_of(change.signals + 4 * columns * piece, columns, s, room)
     forced(stiff, n, columns, room, forcing)
     for i in range(1, method.solution):
         seed, slope, own = bench.x + i * bench.x_width + given, dk + i * width, i * rows
         weighed(bench, method.a + own, bench.others.a + own, i, h, dy, dk, width, n, seed)
-        row_along(bench, kernels, sizes, method, inputs, i, signals, held, dp, dk)
+        row_along(bench, kernels, sizes, inputs, i, change, dk)
         if i == 1:
             copy(seed, stiff.seed, given)
         directed(bench, stiff, sizes, method, i, h)
@@ -77,23 +78,21 @@ def stages_along(
 
 
 @compiled_once("the tangents of stiff runs", (flat(StiffKernels), *FORWARDS))
-def tangent(
-    second, kernels, sizes, p, plan, plan_apart, signal, t, y, held, places, times, d_p, d_signal,
-    d_held, dy, rows, samples,
-):  # fmt: skip
+def tangent(second, kernels, sizes, taken, d_p, d_signal, d_held, dy, rows, samples):
     """Lead D tangents along the K - 1 steps between K states.
 
     second: as of `StiffKernels`; all others as of `native_sweeps.tangent`.
     """
-    kernels, sizes, second = DerivativeKernels(*kernels), StateSizes(*sizes), StiffKernels(*second)
-    method, (inputs, _) = method_of(pointer(plan)), inputs_of(pointer(signal))
+    kernels, sizes, taken = DerivativeKernels(*kernels), StateSizes(*sizes), StepsTaken(*taken)
+    second, t, places, times = StiffKernels(*second), taken.t, taken.places, taken.times
+    method, (inputs, _) = method_of(pointer(taken.plan)), inputs_of(pointer(taken.signal))
     n, width, directions = sizes.n, padded(sizes.n + 1), dy.shape[0]
     each, own_size = (method.stages + 1) * width, bench_size(sizes, method)
     stiff_numbers, more = stiff_size(sizes), width + sizes.signals + n
     memory = np.zeros(own_size + directions * (each + width) + stiff_numbers + more)
-    bench = bench_at(pointer(memory), sizes, method, method_of(pointer(plan_apart)))
-    furnish_bench(bench, sizes, method, pointer(p))
-    copy(pointer(held), bench.held, sizes.held)
+    bench = bench_at(pointer(memory), sizes, method, method_of(pointer(taken.plan_apart)))
+    furnish_bench(bench, sizes, method, pointer(taken.p))
+    copy(pointer(taken.held), bench.held, sizes.held)
     # Of each direction dy at the start of a step, padded, and its dk; a change within the step.
     start = pointer(memory) + own_size
     slopes, inner = start + directions * width, start + directions * (each + width)
@@ -104,24 +103,22 @@ def tangent(
         copy(pointer(dy) + d * n, start + d * width, n)
         copy(pointer(dy) + d * n, pointer(rows) + d * n, n)
     for i in range(t.size - 1):
-        copy(pointer(y) + i * n, bench.y, n)
+        copy(pointer(taken.y) + i * n, bench.y, n)
         h = t[i + 1] - t[i]
         stages_made_again(bench, stiff, kernels, second, sizes, method, inputs, t[i], h)
         steps = new_state(bench, kernels, sizes, method, h)
         for d in range(directions):
             before, dk = start + d * width, slopes + d * each
-            dp = pointer(d_p) + d * sizes.parameters
+            change = direction_of(sizes, d, d_signal, d_held, d_p)
             stages_along(
-                bench, stiff, kernels, second, sizes, method, inputs, h,
-                pointer(d_signal) + d * d_signal.shape[1] * d_signal.shape[2],
-                pointer(d_held) + d * sizes.held, dp, before, dk, room,
+                bench, stiff, kernels, second, sizes, method, inputs, h, change, before, dk, room
             )  # fmt: skip
             new = dk + method.stages * width
             weighed(
                 bench, method.a + own, bench.others.a + own, method.solution, h, before, dk, width,
                 n, new,
             )  # fmt: skip
-            closed_along(bench, kernels, sizes, bench.z, steps, new, dp)
+            closed_along(bench, kernels, sizes, bench.z, steps, new, change.p)
         # Samples by the dense output, from the changes of the start and of all stages.
         while place < count and int(places[place]) == i:
             sample_along(
@@ -167,7 +164,7 @@ def cost_of(bench, stiff, kernels, sizes, method, h, slopes, stages):
 
 
 @njit(**OPTIONS)
-def rates_against(bench, stiff, kernels, sizes, method, inputs, i, h, slopes, signals):
+def rates_against(bench, stiff, kernels, sizes, method, inputs, i, h, slopes, told):
     """Add what the rates of the inputs at the start tell of their coefficients."""
     n, columns, piece = sizes.n, sizes.signals, int(bench.pieces[1])
     share, s = h * method.e[i * method.stages + method.solution], bench.times[1]
@@ -178,7 +175,7 @@ def rates_against(bench, stiff, kernels, sizes, method, inputs, i, h, slopes, si
             bar += stiff.jacobian[n * (n + c) + m] * stiff.seed[m]
         if kernels.cost != 0:
             bar += slopes[n + c] * stiff.seed[n]
-        own = signals + 4 * columns * piece + c
+        own = told.signals + 4 * columns * piece + c
         own[columns] += share * bar
         own[2 * columns] += share * bar * 2 * s
         own[3 * columns] += share * bar * 3 * s * s
@@ -186,15 +183,15 @@ def rates_against(bench, stiff, kernels, sizes, method, inputs, i, h, slopes, si
 
 @compiled_once("the adjoints of stiff runs", (flat(StiffKernels), *BACKWARDS))
 def adjoint(
-    second, kernels, sizes, p, plan, plan_apart, signal, t, y, held, places, times, row_bars,
-    sample_bars, weight, bar, p_bar, signal_bar, held_bar,
+    second, kernels, sizes, taken, row_bars, sample_bars, weight, bar, p_bar, signal_bar, held_bar
 ):  # fmt: skip
     """Lead an adjoint back along the K - 1 steps between K states; return the integral of the cost.
 
     second: as of `StiffKernels`; all others as of `native_sweeps.adjoint`.
     """
-    kernels, sizes, second = DerivativeKernels(*kernels), StateSizes(*sizes), StiffKernels(*second)
-    method, (inputs, _) = method_of(pointer(plan)), inputs_of(pointer(signal))
+    kernels, sizes, taken = DerivativeKernels(*kernels), StateSizes(*sizes), StepsTaken(*taken)
+    second, t, places, times = StiffKernels(*second), taken.t, taken.places, taken.times
+    method, (inputs, _) = method_of(pointer(taken.plan)), inputs_of(pointer(taken.signal))
     n, rows, solution = sizes.n, method.stages, method.solution
     given, gamma, e = given_size(sizes), method.e[solution], method.e
     b_width, width, integral = padded(given + 1), padded(n + 1), 0.0
@@ -202,9 +199,9 @@ def adjoint(
     memory = np.zeros(
         own_size + stiff_numbers + (rows + 1) * (b_width + width) + width + b_width + 2 * rows
     )
-    bench = bench_at(pointer(memory), sizes, method, method_of(pointer(plan_apart)))
-    furnish_bench(bench, sizes, method, pointer(p))
-    copy(pointer(held), bench.held, sizes.held)
+    bench = bench_at(pointer(memory), sizes, method, method_of(pointer(taken.plan_apart)))
+    furnish_bench(bench, sizes, method, pointer(taken.p))
+    copy(pointer(taken.held), bench.held, sizes.held)
     # What stages contribute, by rows; their bars; what is told of the start; of the cost.
     stiff = stiff_at(pointer(memory) + own_size, sizes)
     bars = pointer(memory) + own_size + stiff_numbers
@@ -216,11 +213,11 @@ def adjoint(
     side_by_side = np.zeros(wide_size(sizes, second.lanes))
     wide = aligned(side_by_side, bars)
     own, place = pointer(bar), places.size - 1
-    signals, held_out, p_out = pointer(signal_bar), pointer(held_bar), pointer(p_bar)
+    told = OfInputs(pointer(signal_bar), pointer(held_bar), pointer(p_bar))
     for m in range(n):
         own[m] += row_bars[t.size - 1, m]
     for step in range(t.size - 2, -1, -1):
-        copy(pointer(y) + step * n, bench.y, n)
+        copy(pointer(taken.y) + step * n, bench.y, n)
         h = t[step + 1] - t[step]
         stages_made_again(bench, stiff, kernels, second, sizes, method, inputs, t[step], h)
         newton = new_state(bench, kernels, sizes, method, h)
@@ -234,14 +231,14 @@ def adjoint(
         while place >= 0 and int(places[place]) == step:
             steps = within(bench, kernels, sizes, method, h, (times[place] - t[step]) / h)
             copy(pointer(sample_bars) + place * n, bench.sample, n)
-            closed_against(bench, kernels, sizes, bench.z_sample, steps, bench.sample, p_out)
+            closed_against(bench, kernels, sizes, bench.z_sample, steps, bench.sample, told.p)
             for m in range(n):
                 before[m] += bench.sample[m]
             for j in range(1, solution):
                 for m in range(n):
                     base[j * width + m] += h * bench.weights[j] * bench.sample[m]
             place -= 1
-        closed_against(bench, kernels, sizes, bench.z, newton, own, p_out)
+        closed_against(bench, kernels, sizes, bench.z, newton, own, told.p)
         for m in range(n):
             before[m] += own[m]
         for j in range(1, solution):
@@ -262,19 +259,19 @@ def adjoint(
             lead[n] = leads[j]
             copy(lead, seed, n + 1)
             copy(lead, stiff.seed, n + 1)
-            row_against(bench, kernels, sizes, inputs, j, bars, b_width, signals, held_out, p_out)
+            row_against(bench, kernels, sizes, inputs, j, bars, b_width, told)
             for m in range(n):
                 before[m] += bars[j * b_width + m]
             for i in range(1, j):
                 a, C = h * method.a[j * rows + i], e[j * rows + i]
                 for m in range(n):
                     base[i * width + m] += a * bars[j * b_width + m] + C * lead[m]
-            rates_against(bench, stiff, kernels, sizes, method, inputs, j, h, slopes, signals)
+            rates_against(bench, stiff, kernels, sizes, method, inputs, j, h, slopes, told)
         # What their matrix tells of the start.
         bent_together(bench, stiff, second, sizes, method, h, base, width, wide)
         for m in range(n):
             before[m] += stiff.bends[m]
-        inputs_against(bench, sizes, inputs, 1, stiff.bends + n, signals, held_out, p_out)
+        inputs_against(bench, sizes, inputs, 1, stiff.bends + n, told)
         copy(before, own, n)
     memory[0] = side_by_side[0] = 0.0  # the memory lives to the end
     return integral
