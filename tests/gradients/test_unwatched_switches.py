@@ -133,3 +133,10 @@ def test_jumps_of_small_numbers_count_beside_large_ones():
     slope = -a / v0**2 / np.sqrt(1 - (a * w / v0) ** 2)
     assert watched.value == pytest.approx(1e-7, rel=1e-7)
     assert watched["rates.rail"] == pytest.approx(-1e-5 * slope, rel=1e-7)
+
+
+def test_losses_of_runs_that_stop_early_are_refused():
+    """The end of a run that stops is an accident of its steps."""
+    robot = lw.Robot("prr3")
+    with pytest.raises(LinkworkError, match=r"loss of 5 s has neither .* The run stopped at t = "):
+        robot.gradient(lambda t, s: s["slide_1"], robot.home, [30.0, 0, 0], duration=5, max_steps=9)

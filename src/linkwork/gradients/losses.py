@@ -30,7 +30,7 @@ from linkwork.model.state import State
 from linkwork.runs.run_record import RunRecord
 from linkwork.runs.running import EXAMPLE, watched
 from linkwork.runs.system import Forces, System, system
-from linkwork.simulation import Run
+from linkwork.simulation import Run, Status
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +90,9 @@ def loss_gradient(
         )
     options, own = divided(robot, state, forces, given, options)
     run: Run = robot.simulate(state, forces, **options)
+    if run.status not in (Status.FINISHED, Status.EVENT):
+        asked = f"the loss of {options['duration']:g} s"
+        raise LinkworkError(f"{asked} has neither value nor derivatives. {run.message}")
     record = run.variables
     assert isinstance(record, RunRecord)
     judged = with_losses(record, forces, given, options, own)

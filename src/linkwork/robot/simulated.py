@@ -274,8 +274,9 @@ class Simulated(Dynamics):
                 `samples`, by the values of sampled forces.
 
         Raises:
-            LinkworkError: bad input; what has no derivative, in one sentence: Python functions
-                that are called, singular poses that are stepped over.
+            LinkworkError: bad input; a run that stopped before its end, but for an event; what has
+                no derivative, in one sentence: Python functions that are called, singular poses
+                that are stepped over.
         """
         from linkwork.gradients.losses import loss_gradient
 
