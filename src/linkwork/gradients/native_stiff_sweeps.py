@@ -2,6 +2,8 @@
 compiled: see `native_stiff_steps` for the equations, and `native_sweeps` for explicit steps.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -17,7 +19,6 @@ from linkwork.gradients.native_steps import (
     furnish_bench,
     new_state,
     weighed,
-    within,
 )
 from linkwork.gradients.native_stiff_steps import (
     bent_together,
@@ -39,6 +40,7 @@ from linkwork.gradients.native_sweeps import (
     inputs_against,
     row_against,
     row_along,
+    sample_against,
     sample_along,
 )
 from linkwork.simulation.abreast import within as aligned
@@ -181,6 +183,84 @@ def rates_against(bench, stiff, kernels, sizes, method, inputs, i, h, slopes, to
         own[3 * columns] += share * bar * 3 * s * s
 
 
+class StiffBars(NamedTuple):
+    """Where derivatives of a loss by the parts of a stiff step are.
+
+    rows: what each row contributes, `width` apart; slopes: by the stages, as far apart as those
+    are; before: by the state at the start; of_cost, stages, leads: the derivative of the cost at
+    the start, its stages q_i, and their bars
+    """
+
+    rows: Any
+    width: int
+    slopes: Any
+    before: Any
+    of_cost: Any
+    stages: Any
+    leads: Any
+
+
+@njit(**OPTIONS)
+def stiff_bars_size(sizes, method):
+    """Return how many numbers `StiffBars` need."""
+    b_width, width, rows = padded(given_size(sizes) + 1), padded(sizes.n + 1), method.stages
+    return (rows + 1) * (b_width + width) + width + b_width + 2 * rows
+
+
+@njit(**OPTIONS)
+def stiff_bars_at(memory, sizes, method):
+    """Return `StiffBars` in zeros at a pointer."""
+    b_width, width, rows = padded(given_size(sizes) + 1), padded(sizes.n + 1), method.stages
+    slopes = memory + (rows + 1) * b_width
+    before = slopes + (rows + 1) * width
+    of_cost = before + width
+    stages = of_cost + b_width
+    return StiffBars(memory, b_width, slopes, before, of_cost, stages, stages + rows)
+
+
+@njit(**OPTIONS)
+def new_state_against(bench, kernels, sizes, method, newton, h, bars, own, told):
+    """Add what the bar of the new state tells of the start and of the stages."""
+    n, weights = sizes.n, method.a + method.solution * method.stages
+    closed_against(bench, kernels, sizes, bench.z, newton, own, told.p)
+    for m in range(n):
+        bars.before[m] += own[m]
+    for j in range(1, method.solution):
+        for m in range(n):
+            bars.slopes[j * bench.width + m] += h * weights[j] * own[m]
+
+
+@njit(**OPTIONS)
+def stage_against(bench, stiff, kernels, sizes, method, inputs, j, h, weight, bars, told):
+    """Add what the bar of stage j, to which all later ones have added, tells of those before, of
+    the start, and of what acts all along."""
+    n, rows, e, solution = sizes.n, method.stages, method.e, method.solution
+    lead, seed = bars.slopes + j * bench.width, bench.x + j * bench.x_width + given_size(sizes)
+    own = bars.rows + j * bars.width
+    # The stage of the cost adds to that of the state.
+    bars.leads[j] = 0.0
+    if kernels.cost != 0:
+        bars.leads[j] = h * weight * method.a[solution * rows + j]
+        for i in range(j + 1, solution):
+            bars.leads[j] += e[i * rows + j] * bars.leads[i]
+        bars.leads[j] *= e[solution]
+        for m in range(n):
+            lead[m] += h * bars.of_cost[m] * bars.leads[j]
+    # W' l = bar, and what l tells by the slope of its row, of y, u and p.
+    solve_transposed(stiff.W, stiff.order, n, lead)
+    lead[n] = bars.leads[j]
+    copy(lead, seed, n + 1)
+    copy(lead, stiff.seed, n + 1)
+    row_against(bench, kernels, sizes, inputs, j, bars.rows, bars.width, told)
+    for m in range(n):
+        bars.before[m] += own[m]
+    for i in range(1, j):
+        a, C = h * method.a[j * rows + i], e[j * rows + i]
+        for m in range(n):
+            bars.slopes[i * bench.width + m] += a * own[m] + C * lead[m]
+    rates_against(bench, stiff, kernels, sizes, method, inputs, j, h, bars.of_cost, told)
+
+
 @compiled_once("the adjoints of stiff runs", (flat(StiffKernels), *BACKWARDS))
 def adjoint(
     second, kernels, sizes, taken, row_bars, sample_bars, weight, bar, p_bar, signal_bar, held_bar
@@ -192,28 +272,18 @@ def adjoint(
     kernels, sizes, taken = DerivativeKernels(*kernels), StateSizes(*sizes), StepsTaken(*taken)
     second, t, places, times = StiffKernels(*second), taken.t, taken.places, taken.times
     method, (inputs, _) = method_of(pointer(taken.plan)), inputs_of(pointer(taken.signal))
-    n, rows, solution = sizes.n, method.stages, method.solution
-    given, gamma, e = given_size(sizes), method.e[solution], method.e
-    b_width, width, integral = padded(given + 1), padded(n + 1), 0.0
+    n, width, integral = sizes.n, padded(sizes.n + 1), 0.0
     own_size, stiff_numbers = bench_size(sizes, method), stiff_size(sizes)
-    memory = np.zeros(
-        own_size + stiff_numbers + (rows + 1) * (b_width + width) + width + b_width + 2 * rows
-    )
+    memory = np.zeros(own_size + stiff_numbers + stiff_bars_size(sizes, method))
     bench = bench_at(pointer(memory), sizes, method, method_of(pointer(taken.plan_apart)))
     furnish_bench(bench, sizes, method, pointer(taken.p))
     copy(pointer(taken.held), bench.held, sizes.held)
-    # What stages contribute, by rows; their bars; what is told of the start; of the cost.
     stiff = stiff_at(pointer(memory) + own_size, sizes)
-    bars = pointer(memory) + own_size + stiff_numbers
-    base = bars + (rows + 1) * b_width
-    before = base + (rows + 1) * width
-    slopes = before + width
-    stages = slopes + b_width
-    leads = stages + rows
+    bars = stiff_bars_at(pointer(memory) + own_size + stiff_numbers, sizes, method)
     side_by_side = np.zeros(wide_size(sizes, second.lanes))
-    wide = aligned(side_by_side, bars)
-    own, place = pointer(bar), places.size - 1
+    wide = aligned(side_by_side, bars.rows)
     told = OfInputs(pointer(signal_bar), pointer(held_bar), pointer(p_bar))
+    own, place = pointer(bar), places.size - 1
     for m in range(n):
         own[m] += row_bars[t.size - 1, m]
     for step in range(t.size - 2, -1, -1):
@@ -222,56 +292,27 @@ def adjoint(
         stages_made_again(bench, stiff, kernels, second, sizes, method, inputs, t[step], h)
         newton = new_state(bench, kernels, sizes, method, h)
         if kernels.cost != 0:
-            integral += cost_of(bench, stiff, kernels, sizes, method, h, slopes, stages)
+            integral += cost_of(
+                bench, stiff, kernels, sizes, method, h, bars.of_cost, bars.stages
+            )  # fmt: skip
         for m in range(n):
-            before[m] = row_bars[step, m]
-        for m in range((rows + 1) * width):
-            base[m] = 0.0
+            bars.before[m] = row_bars[step, m]
+        for m in range((method.stages + 1) * width):
+            bars.slopes[m] = 0.0
         # Samples, and the new state, tell of the start and of the stages.
         while place >= 0 and int(places[place]) == step:
-            steps = within(bench, kernels, sizes, method, h, (times[place] - t[step]) / h)
-            copy(pointer(sample_bars) + place * n, bench.sample, n)
-            closed_against(bench, kernels, sizes, bench.z_sample, steps, bench.sample, told.p)
-            for m in range(n):
-                before[m] += bench.sample[m]
-            for j in range(1, solution):
-                for m in range(n):
-                    base[j * width + m] += h * bench.weights[j] * bench.sample[m]
+            theta, own_bar = (times[place] - t[step]) / h, pointer(sample_bars) + place * n
+            sample_against(bench, kernels, sizes, method, h, theta, own_bar, bars, told.p)
             place -= 1
-        closed_against(bench, kernels, sizes, bench.z, newton, own, told.p)
-        for m in range(n):
-            before[m] += own[m]
-        for j in range(1, solution):
-            for m in range(n):
-                base[j * width + m] += h * method.a[solution * rows + j] * own[m]
+        new_state_against(bench, kernels, sizes, method, newton, h, bars, own, told)
         # The stages, the last one first: what they tell of those before, of y, u and p.
-        for j in range(solution - 1, 0, -1):
-            lead, seed = base + j * width, bench.x + j * bench.x_width + given
-            leads[j] = 0.0
-            if kernels.cost != 0:
-                leads[j] = h * weight * method.a[solution * rows + j]
-                for i in range(j + 1, solution):
-                    leads[j] += e[i * rows + j] * leads[i]
-                leads[j] *= gamma
-                for m in range(n):
-                    lead[m] += h * slopes[m] * leads[j]
-            solve_transposed(stiff.W, stiff.order, n, lead)
-            lead[n] = leads[j]
-            copy(lead, seed, n + 1)
-            copy(lead, stiff.seed, n + 1)
-            row_against(bench, kernels, sizes, inputs, j, bars, b_width, told)
-            for m in range(n):
-                before[m] += bars[j * b_width + m]
-            for i in range(1, j):
-                a, C = h * method.a[j * rows + i], e[j * rows + i]
-                for m in range(n):
-                    base[i * width + m] += a * bars[j * b_width + m] + C * lead[m]
-            rates_against(bench, stiff, kernels, sizes, method, inputs, j, h, slopes, told)
+        for j in range(method.solution - 1, 0, -1):
+            stage_against(bench, stiff, kernels, sizes, method, inputs, j, h, weight, bars, told)
         # What their matrix tells of the start.
-        bent_together(bench, stiff, second, sizes, method, h, base, width, wide)
+        bent_together(bench, stiff, second, sizes, method, h, bars.slopes, width, wide)
         for m in range(n):
-            before[m] += stiff.bends[m]
+            bars.before[m] += stiff.bends[m]
         inputs_against(bench, sizes, inputs, 1, stiff.bends + n, told)
-        copy(before, own, n)
+        copy(bars.before, own, n)
     memory[0] = side_by_side[0] = 0.0  # the memory lives to the end
     return integral
