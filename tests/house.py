@@ -188,6 +188,31 @@ def uncommented(path: Path, tree: ast.Module, most: int) -> list[str]:
     return [name for name, own in long if not comments & {*own}]
 
 
+def oversized(path: Path, tree: ast.Module, lines: int, arguments: int) -> list[str]:
+    """Return the compiled functions whose bodies have more lines of code, comments not counted, or
+    that take more arguments."""
+    text, found = path.read_text(encoding="utf-8").splitlines(), []
+    for node in nodes(tree):
+        if not isinstance(node, ast.FunctionDef):
+            continue
+        by = {
+            name.id
+            for each in node.decorator_list
+            for name in ast.walk(each)
+            if isinstance(name, ast.Name)
+        }
+        if not by & {"njit", "compiled_once"}:
+            continue
+        told = ast.get_docstring(node) is not None
+        body = text[
+            (node.body[0].end_lineno if told else node.body[0].lineno - 1) : node.end_lineno
+        ]
+        count = sum(bool(line.strip()) and not line.lstrip().startswith("#") for line in body)
+        if count > lines or len(node.args.args) > arguments:
+            found.append(f"{node.name}: {count} lines, {len(node.args.args)} arguments")
+    return found
+
+
 def sizes() -> tuple[Counter[str], Counter[str]]:
     """Return the lines of code, and the statements, by package and wing."""
     lines: Counter[str] = Counter()

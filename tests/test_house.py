@@ -19,6 +19,7 @@ from tests.house import (
     core_files,
     imports,
     modules,
+    oversized,
     package,
     part,
     strings,
@@ -142,3 +143,22 @@ def test_a_long_function_without_comments_is_found(comment, found, tmp_path):
     path.write_text(f'def f():\n    """Doc."""\n{comment}' + "    x = 1  \n" * 31)
     assert uncommented(path, ast.parse(path.read_text()), 30) == found
     assert uncommented(path, ast.parse(path.read_text()), 31) == []
+
+
+def test_compiled_loops_are_told_in_steps():
+    assert not {
+        path.relative_to(SOURCE).as_posix(): names
+        for path, tree in modules()
+        if (names := oversized(path, tree, lines=60, arguments=12))
+    }
+
+
+@pytest.mark.parametrize(("lines", "arguments"), [(4, 12), (60, 1)])
+def test_a_compiled_function_that_is_too_long_or_takes_too_much_is_found(
+    lines, arguments, tmp_path
+):
+    path, body = tmp_path / "module.py", "    x = a\n" * 5
+    path.write_text(f'@njit(**OPTIONS)\ndef f(a, b):\n    """Doc."""\n    # Sums.\n{body}')
+    tree = ast.parse(path.read_text())
+    assert oversized(path, tree, lines, arguments) == ["f: 5 lines, 2 arguments"]
+    assert oversized(path, tree, 5, 2) == []
