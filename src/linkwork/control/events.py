@@ -26,7 +26,7 @@ class Event(ActingPart):
     terminal: whether the run ends there; direction: 1 for zeros passed upwards only, -1 for
         downwards, 0 for both
     name: to report it by; cuts: whether a step ends there and the next one begins, as where a force
-        sets in, past which no step of a method that chooses its steps would be right
+        sets in, past which no step would be right; methods of fixed steps step past it
     """
 
     function: Law
