@@ -13,7 +13,7 @@ from linkwork.errors import LinkworkError
 
 from tests.gradients.test_runs import CART
 
-ADAPTIVE = [{}, {"method": "dormand_prince"}, {"method": "rodas"}]
+ADAPTIVE = [{}, {"method": "rodas"}]
 FIXED = [{"method": "rk4", "step": 0.01}, {"method": "symplectic_euler", "step": 1e-3}]
 LAST = 0.5
 
