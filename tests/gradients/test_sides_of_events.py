@@ -8,7 +8,7 @@ import pytest
 
 import linkwork as lw
 from linkwork import math
-from linkwork.control import Event
+from linkwork.control import Event, Sampler
 
 from tests.gradients.test_runs import CART
 
@@ -87,3 +87,29 @@ def test_a_loss_that_jumps_where_the_run_ends(method, rtol):
     )
     assert found.value == pytest.approx(2 * hit, rel=30 * rtol + 1e-11)
     assert found["rates.rail"] == pytest.approx(2 * slope, rel=30 * rtol + 1e-9)
+
+
+@pytest.mark.parametrize("place", [0.764, 0.766, 0.77])
+@pytest.mark.parametrize("own", [{}, {"method": "rodas"}])
+def test_a_loss_that_jumps_is_that_of_the_times_at_which_it_does(place, own):
+    """A joint that turns round under a controller called every 27 ms: stages of a step from such a
+    call strayed past the event, which forces do not see. 1 a second is paid below, 2.5 above."""
+    robot, period = lw.Robot("rpr3"), 1 / 37
+    slides = dict(zip(robot.actuators, (-0.5, 6.2, 3.7), strict=True))
+
+    def hold(t, state):
+        return [c - 0.7 * state.rate(x) - 3.6 * (state[x] - 0.52) for x, c in slides.items()]
+
+    found = robot.gradient(
+        None,
+        robot.home.with_rates([0.73, -0.48, -0.38]),
+        Sampler(hold, rate=37.0, delay=2 * period, compiled=True),
+        running=lambda t, state: math.where(state["wrist_1"] < place, 1.0, 2.5),
+        events=[Event(lambda t, state: state["wrist_1"] - place, cuts=True)],
+        duration=0.174,
+        **own,
+    )
+    down, up = found.run.coords["event_time"].values
+    assert found.value == pytest.approx(2.5 * 0.174 - 1.5 * (up - down), rel=1e-9)
+    told = found.run.sensitivity("event_time", to="rates").event_time.values
+    assert found["rates"] == pytest.approx(1.5 * (told[0] - told[1]), rel=1e-5)

@@ -26,6 +26,7 @@ over that step is off by as much of its change."""
 NEARER = 2.0**-8
 """Part of a step that is left to a next one before a break, and so on: stages, of lower order than
 their step, fall behind its end by as much as their errors, which shrink faster than steps."""
+STRAY = 4.0  # how far stages stray, times the square of the step and half the bend of the motion
 TICKS, FARTHEST = 2.0**-49, 2.0**-38
 """How far off a jump steps end and begin at least, relative to the time, and at the most where they
 end before the event or behind it, relative to the time or the step."""
@@ -60,15 +61,19 @@ class Breaks:
         for row, event in rows.cuts.items():
             if not 0 < row < rows.last:
                 continue
-            size = rows.t[row]
-            state = rows.state(row, rows.held[row - 1], from_left=True)
-            before, behind = rows.beside(state, -ASIDE * size), rows.beside(state, ASIDE * size)
+            before, behind = self.sides(row)
             jump, n = before - behind, rows.y.shape[1]
-            sizes = np.maximum(np.abs(before), np.abs(behind))
-            if (np.abs(jump) > np.maximum(SMOOTH * sizes, NOISE * sizes.max())).any():
+            if jumping(before, behind).any():
+                state = rows.state(row, rows.held[row - 1], from_left=True)
                 moment = rows.whole.moment(rows.chart, state, event, before[:n])
                 found[row] = Passing(moment, jump[:n], float(jump[n]), np.empty(0, int))
         return found
+
+    def sides(self, row: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return y' and the cost on both sides of an event."""
+        rows = self.rows
+        state, size = rows.state(row, rows.held[row - 1], from_left=True), rows.t[row]
+        return rows.beside(state, -ASIDE * size), rows.beside(state, ASIDE * size)
 
     @cached_property
     def kinks(self) -> set[int]:
@@ -198,13 +203,36 @@ class Breaks:
         places = np.arange(len(t))
         if b not in self.asides:
             return t, y, places
-        left = self.rows.t[b] - t
-        for i in np.flatnonzero(left[1:] < NEARER * np.diff(t))[::-1]:
-            count = int(np.log(4 * left[i + 1] / left[i]) / np.log(NEARER))
-            times = self.rows.t[b] - left[i] * NEARER ** np.arange(1.0, count + 1)
-            y = np.insert(y, i + 1, self.cubic(a + i, t[i : i + 2], y[i : i + 2], times), axis=0)
-            t, places[i + 1 :] = np.insert(t, i + 1, times), places[i + 1 :] + count
+        left, continued = self.rows.t[b] - t, self.continues(b)
+        for i in np.flatnonzero(left[1:] < np.diff(t))[::-1]:
+            bend = self.bend(a + i, b) if continued else 0.0
+            times = self.rows.t[b] - parts(left[i], 4 * left[i + 1], bend)
+            if continued and len(times):
+                inner = self.rows.within(a + i, times)
+            else:
+                inner = self.cubic(a + i, t[i : i + 2], y[i : i + 2], times)
+            y, places[i + 1 :] = np.insert(y, i + 1, inner, axis=0), places[i + 1 :] + len(times)
+            t = np.insert(t, i + 1, times)
         return t, y, places
+
+    def continues(self, row: int) -> bool:
+        """Tell whether y' does not jump at a break, but what is paid may: then a run's step up to
+        it may have stages behind it, and has the right dense output."""
+        before, behind = self.sides(row)
+        return not jumping(before[:-1], behind[:-1]).any()
+
+    def bend(self, row: int, last: int) -> float:
+        """Return how fast the rate of the event function at the last row has changed since another
+        one, relative to itself [1/s]."""
+        rows = self.rows
+        event = rows.ended_by if last == rows.end else rows.cuts[last]
+        first, end = rows.state(row, rows.held[row]), rows.state(last, rows.held[last - 1], True)
+        slopes = rows.slope(first.y[0], first.u[0])[:-1], rows.slope_before(last)
+        begun, ended = (
+            sum(rows.whole.by_state_and_time(rows.chart, state, event, slope))
+            for state, slope in zip((first, end), slopes, strict=True)
+        )
+        return abs(ended - begun) / (abs(ended) * (rows.t[last] - rows.t[row]))
 
     def cubic(self, row: int, t: np.ndarray, y: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Return states within the step from a row, whose ends are t (2,) and y (2, n)."""
@@ -246,6 +274,25 @@ class Breaks:
             if row:
                 t[1, row - 1 : row], y[1, row - 1] = self.before(row, aside)
         return StepEnds(t, y)
+
+
+def jumping(before: np.ndarray, behind: np.ndarray) -> np.ndarray:
+    """Tell which numbers of y' jump."""
+    sizes = np.maximum(np.abs(before), np.abs(behind))
+    bounds = np.maximum(SMOOTH * sizes, NOISE * sizes.max(initial=0.0))
+    return np.abs(before - behind) > bounds
+
+
+def parts(left: float, least: float, bend: float) -> np.ndarray:
+    """Return what is left of a way to a break behind each of its parts [s], of which all stages are
+    before it: those of a part p are up to STRAY bend p^2 off, and fewer than so much is left."""
+    found = []
+    while True:
+        root = np.sqrt(1 + 4 * STRAY * bend * left)
+        left *= max((root - 1) / (root + 1), NEARER)
+        if left < least:
+            return np.array(found)
+        found.append(left)
 
 
 class StepEnds(NamedTuple):

@@ -145,11 +145,9 @@ class SegmentLinks:
     def ending(self, numbers: np.ndarray) -> Passing:
         """Return the event that ends the run, where samples are taken."""
         rows, row = self.rows, self.rows.last
-        events = rows.segment.trajectory.events.index
-        event = next(int(i) for i in events if rows.system.events[i].terminal)
         state = rows.state(row, rows.held[max(row - 1, 0)], from_left=True)
         slope = rows.beside(state, -ASIDE * rows.t[row])
-        moment = rows.whole.moment(rows.chart, state, event, slope[:-1])
+        moment = rows.whole.moment(rows.chart, state, rows.ended_by, slope[:-1])
         return Passing(moment, slope[:-1], float(slope[-1]), numbers)
 
 

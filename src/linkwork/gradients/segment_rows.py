@@ -84,6 +84,18 @@ class SegmentRows:
         u = np.concatenate([values(self.system.inputs, t, from_left)[0], held])
         return Sampling(np.array([self.number]), t, self.y[row : row + 1], u[None])
 
+    def within(self, row: int, times: np.ndarray) -> np.ndarray:
+        """Return states (K, n) of the dense output at times within the step from a row."""
+        again, control = self.segment.again, self.segment.trajectory.control
+        assert again is not None
+        return again(times, -1 if control is None else row).rows[:, 1 : 1 + self.y.shape[1]]
+
+    @property
+    def ended_by(self) -> int:
+        """The event that ended the run."""
+        events = self.segment.trajectory.events.index
+        return next(int(i) for i in events if self.system.events[i].terminal)
+
     @cached_property
     def acts(self) -> set[int]:
         """The rows at which a sampled controller is called."""
