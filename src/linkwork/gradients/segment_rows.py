@@ -85,10 +85,14 @@ class SegmentRows:
         return Sampling(np.array([self.number]), t, self.y[row : row + 1], u[None])
 
     def within(self, row: int, times: np.ndarray) -> np.ndarray:
-        """Return states (K, n) of the dense output at times within the step from a row."""
+        """Return states (K, n) of the dense output at times within the step from a row, made again:
+        moved to end where the step did, which another one ends within its error of."""
         again, control = self.segment.again, self.segment.trajectory.control
         assert again is not None
-        return again(times, -1 if control is None else row).rows[:, 1 : 1 + self.y.shape[1]]
+        start, end = self.t[row : row + 2]
+        done = again(np.append(times, end), -1 if control is None else row)
+        y = done.rows[:, 1 : 1 + self.y.shape[1]]
+        return y[:-1] + ((times - start) / (end - start))[:, None] * (self.y[row + 1] - y[-1])
 
     @property
     def ended_by(self) -> int:
