@@ -88,6 +88,7 @@ def loss_gradient(
         raise LinkworkError(
             "there is no loss; give one, or a running one, as a function of (t, state)"
         )
+    # The run, and in its own steps with the losses as further event functions.
     options, own = divided(robot, state, forces, given, options)
     run: Run = robot.simulate(state, forces, **options)
     if run.status not in (Status.FINISHED, Status.EVENT):
@@ -98,6 +99,7 @@ def loss_gradient(
     judged = with_losses(record, forces, given, options, own)
     count = len(record.system.events)
     of = retraced(run, False, judged, count + len(given) - 1 if running is not None else None)
+    # The loss at the end, and the integral of the running one, led back over the steps.
     numbers = Numbers(of)
     names, slopes, value = numbers.chosen(None), numbers.slopes(), 0.0
     if loss is not None:
