@@ -1,4 +1,5 @@
-# Every target needs only python3 (with venv) and make; the first one run sets everything up in .venv.
+# Every target needs only python3 (with venv) and make; the first one run sets everything up in
+# .venv.
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin

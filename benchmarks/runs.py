@@ -76,7 +76,7 @@ def loop_of(run: Callable[[], object], module: ModuleType = native) -> Callable[
     found: list[tuple[tuple, np.ndarray]] = []
 
     def spy(*arguments: object) -> object:
-        found.append((arguments, np.copy(arguments[place])))  # pyright: ignore[reportArgumentType, reportCallIssue]
+        found.append((arguments, np.copy(arguments[place])))  # pyright: ignore
         return loop(*arguments)
 
     with patch.object(module, "integrate", spy):

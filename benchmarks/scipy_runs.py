@@ -49,10 +49,10 @@ def solved(
     chart = robot.run_chart.facing(start.q)
     there = robot.in_chart(start, chart.independent)
     y = np.concatenate([there.q, there.rates])
+    exact = {"jac": jacobian(robot, chart, forces)} if method in IMPLICIT else {}
     done = solve_ivp(
         derivative(chart, forces), (0.0, times[-1]), y, method=method, t_eval=times,
-        rtol=rtol, atol=atol,
-        **({"jac": jacobian(robot, chart, forces)} if method in IMPLICIT else {}),  # pyright: ignore[reportArgumentType]
+        rtol=rtol, atol=atol, **exact,  # pyright: ignore
     )  # fmt: skip
     assert done.success, done.message
     q, v = np.split(np.ascontiguousarray(done.y.T), [chart.equations.nq], axis=1)

@@ -261,7 +261,7 @@ def called(problem: Problem, grid: Grid) -> dict[tuple[str, float], Callable[[],
 def ours(problem: Problem, method: str, rtol: float) -> Result:
     """Run by Linkwork."""
     done = problem.robot.simulate(
-        problem.start, problem.forces, duration=problem.duration, method=method,  # pyright: ignore[reportArgumentType]
+        problem.start, problem.forces, duration=problem.duration, method=method,  # pyright: ignore
         rtol=rtol, atol=runs.ATOL * rtol, save_at=[problem.duration],
     )  # fmt: skip
     assert done.status is lw.Status.FINISHED, done.message

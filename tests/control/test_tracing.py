@@ -172,7 +172,8 @@ def test_the_same_law_in_every_chart():
     """A five-bar that turns through changes of chart under a law in named quantities keeps the
     energy law's balance."""
     robot = lw.Robot(lw.robots.four_bar())
-    law = lambda t, state: {robot.actuators[0]: 0.5 - 0.2 * state.rate(robot.actuators[0])}  # noqa: E731
+    (motor,) = robot.actuators
+    law = lambda t, state: {motor: 0.5 - 0.2 * state.rate(motor)}  # noqa: E731
     run = robot.simulate(robot.home, law, duration=3.0, save_at=np.linspace(0, 3, 1501))
     data = run.dataset
     power = (

@@ -205,8 +205,14 @@ def test_any_name_fits_into_the_module():
 def test_refusals(monkeypatch):
     prr3 = lw.Robot("prr3")
     for wrong, sentence in (
-        (lambda: lw.export.sympy("prr3"), "the robot is 'prr3'; give a linkwork.Robot"),  # pyright: ignore
-        (lambda: prr3.latex(symbols="some"), "symbols is 'some'; choose from 'free', 'all'"),  # pyright: ignore
+        (
+            lambda: lw.export.sympy("prr3"),  # pyright: ignore
+            "the robot is 'prr3'; give a linkwork.Robot",
+        ),
+        (
+            lambda: prr3.latex(symbols="some"),  # pyright: ignore
+            "symbols is 'some'; choose from 'free', 'all'",
+        ),
         (lambda: lw.export.sympy(lw.Robot("stewart")), "turns freely, by a quaternion"),
         (lambda: lw.export.sympy(lw.Robot("tripteron")), "the loops couple 5 rates"),
         (lambda: lw.export.sympy(lw.Robot("puma560"), symbols="all"), "at most 6000 are printed"),

@@ -41,7 +41,7 @@ def own(name: str) -> lw.export.FmuExport:
 
 
 def export(robot: lw.Robot, version: str = "3.0", outputs=None) -> lw.export.FmuExport:
-    return lw.export.fmu(robot, version, outputs=outputs, platforms=())  # pyright: ignore[reportArgumentType]
+    return lw.export.fmu(robot, version, outputs=outputs, platforms=())  # pyright: ignore
 
 
 @pytest.fixture(scope="module")

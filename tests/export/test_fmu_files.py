@@ -22,7 +22,7 @@ HEADERS = Path(fmpy.__file__).parent / "c-code"
 
 
 def sources(name: str, version: str) -> dict[str, str]:
-    files = lw.export.fmu(built(name), version, platforms=()).files  # pyright: ignore[reportArgumentType]
+    files = lw.export.fmu(built(name), version, platforms=()).files  # pyright: ignore
     return {Path(path).name: files[path].decode() for path in files if path.startswith("sources/")}
 
 

@@ -128,5 +128,6 @@ def test_fmusim_simulates(version, tmp_path):
     reason="VDMCheck3 needs Java, and VDMCHECK3 to name its jar",
 )
 def test_vdmcheck_finds_no_fault(tmp_path):
-    file = lw.export.fmu(built("prr3"), platforms=()).write(tmp_path / "prr3.fmu")  # pyright: ignore[reportArgumentType]
+    made = lw.export.fmu(built("prr3"), platforms=())  # pyright: ignore
+    file = made.write(tmp_path / "prr3.fmu")
     assert "No errors found" in run(["java", "-jar", VDMCHECK or "", file])

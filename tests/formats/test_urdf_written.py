@@ -143,7 +143,7 @@ def test_where_loops_cannot_stand(tmp_path):
     with pytest.raises(lw.LinkworkError, match="loops stand beside URDF alone"):
         save(standing("four_bar"), tmp_path / "arm.xml", loops="beside")
     with pytest.raises(lw.LinkworkError, match='loops is \'outside\'; give "inside" or "beside"'):
-        save(standing("four_bar"), tmp_path / "arm.urdf", loops="outside")  # pyright: ignore[reportArgumentType]
+        save(standing("four_bar"), tmp_path / "arm.urdf", loops="outside")  # pyright: ignore
     with pytest.raises(
         MechanismError, match="a rod joint, closes a loop, which neither two frames"
     ):
@@ -208,7 +208,8 @@ def test_screws_universal_joints_gears_and_what_acts(tmp_path):
     robot = lw.Robot(arm())
     other = again(robot, tmp_path / "arm.urdf")
     assert difference(robot, other) < 1e-9
-    assert other.mechanism.joints["elbow"].limits == Limits(lower=-1.0, upper=2.0)  # pyright: ignore
+    elbow = other.mechanism.joints["elbow"]
+    assert elbow.limits == Limits(lower=-1.0, upper=2.0)  # pyright: ignore
 
 
 def test_pinocchio_reads_the_same_tree():
@@ -261,7 +262,8 @@ def test_rotors_of_driven_joints_are_read_again(loops, tmp_path):
     robot = lw.Robot(turning((0.3, 0.0), Limits(lower=-1.0, upper=2.0)))
     other = again(robot, tmp_path / "turning.urdf", loops)
     assert difference(robot, other) < 1e-12
-    rotors = {name: joint.rotor_inertia for name, joint in other.mechanism.joints.items()}  # pyright: ignore
+    joints = other.mechanism.joints.items()
+    rotors = {name: joint.rotor_inertia for name, joint in joints}  # pyright: ignore
     assert rotors == {"shoulder": 0.3, "elbow": 0.0}
     assert not other.drives
 

@@ -140,7 +140,8 @@ class SliderCrank:
         return theta, -theta - beta, -beta, self.r * cos(theta) + self.l * cos(beta)
 
     def force(self, theta: float, rate: float, acceleration: float) -> float:
-        r, l, a, b, (m1, m2, m3), (I1, I2) = self.r, self.l, self.a, self.b, self.m, self.I  # noqa: E741
+        r, l, a, b = self.r, self.l, self.a, self.b  # noqa: E741
+        (m1, m2, m3), (I1, I2) = self.m, self.I
         c, s = cos(theta), sin(theta)
         beta = asin(r / l * s)
         beta_1 = r * c / (l * cos(beta))

@@ -112,7 +112,8 @@ def test_bead_on_a_turning_rod():
 
 def test_screw_with_every_effect_of_a_joint():
     """(I + m h^2 + J) q'' = tau - m g h - k (q - rest) - (c + d + F / sqrt(q'^2 + r^2)) q'."""
-    m, I, h, J, k, rest, c, d, F, r = 1.2, 0.3, 0.2, 0.15, 4.0, 0.5, 0.7, 0.4, 0.6, 0.1  # noqa: E741
+    m, I, h, J = 1.2, 0.3, 0.2, 0.15  # noqa: E741
+    k, rest, c, d, F, r = 4.0, 0.5, 0.7, 0.4, 0.6, 0.1
     nut = ScrewJoint(
         connects=("ground", "nut"),
         pitch=h,
@@ -177,7 +178,8 @@ def test_spinning_top_precesses_steadily():
 
 
 def test_free_body_obeys_euler():
-    I, omega, v = np.array([0.2, 0.5, 0.6]), np.array([1.0, -2.0, 3.0]), np.array([0.3, 0.1, -0.2])  # noqa: E741
+    I, omega = np.array([0.2, 0.5, 0.6]), np.array([1.0, -2.0, 3.0])  # noqa: E741
+    v = np.array([0.3, 0.1, -0.2])
     mechanism = Mechanism(
         gravity=(1.0, 2.0, -3.0),
         bodies={"b": body(2, *I)},

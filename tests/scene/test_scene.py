@@ -107,7 +107,8 @@ def test_poses_move_the_parts_and_the_joints_of_the_moved_parts_meet():
             np.testing.assert_allclose(
                 np.sort(form.points, axis=0), np.sort(other.form.points, axis=0), atol=1e-9
             )  # pyright: ignore
-    stack = moved(scene.parts[-1].form.points, scene.parts[-1].bodies, scene.moves)  # pyright: ignore
+    last = scene.parts[-1]
+    stack = moved(last.form.points, last.bodies, scene.moves)  # pyright: ignore
     np.testing.assert_allclose(stack[0], scene.parts[-1].form.points, atol=1e-12)  # pyright: ignore
 
 
@@ -122,7 +123,8 @@ def test_the_second_axis_of_a_universal_joint_turns_with_the_first_angle():
     first, second = (part for part in scene_of(robot, state, state).parts if part.role == "joint")
     assert (first.bodies, second.bodies) == (("ground",), ("arm",))
     np.testing.assert_allclose(first.form.turn[:, 2], X, atol=1e-12)  # pyright: ignore
-    np.testing.assert_allclose(second.form.turn[:, 2], (0, np.cos(0.4), np.sin(0.4)), atol=1e-12)  # pyright: ignore
+    axis = second.form.turn[:, 2]  # pyright: ignore
+    np.testing.assert_allclose(axis, (0, np.cos(0.4), np.sin(0.4)), atol=1e-12)
 
 
 @pytest.mark.parametrize("connects", [("ground", "cart"), ("cart", "ground")])

@@ -1,6 +1,7 @@
 #!/bin/sh
-# Get a Chromium for the viewer's tests: one that is installed, else playwright's own, else the system's by its package
-# manager, where that may be called without a question. $1: the playwright command.
+# Get a Chromium for the viewer's tests: one that is installed, else playwright's own, else the
+# system's by its package manager, where that may be called without a question. $1: the playwright
+# command.
 set -u
 
 for name in chromium chromium-browser google-chrome google-chrome-stable; do
@@ -15,7 +16,8 @@ if [ "$(id -u)" != 0 ]; then
 fi
 if [ "$as_root" != none ]; then
     if command -v apt-get >/dev/null; then
-        $as_root apt-get update -qq && $as_root apt-get install -y -qq --no-install-recommends chromium && exit 0
+        $as_root apt-get update -qq &&
+            $as_root apt-get install -y -qq --no-install-recommends chromium && exit 0
     elif command -v dnf >/dev/null; then
         $as_root dnf install -y -q chromium && exit 0
     elif command -v pacman >/dev/null; then
@@ -24,4 +26,5 @@ if [ "$as_root" != none ]; then
         $as_root apk add --quiet chromium && exit 0
     fi
 fi
-echo "no Chromium: the viewer's tests in the browser will be skipped; install the package 'chromium' and run make again"
+echo "no Chromium: the viewer's tests in the browser will be skipped;" \
+    "install the package 'chromium' and run make again"

@@ -43,7 +43,8 @@ class Environment(Env):
             render_mode=render_mode,
         )
         self.process, self.render_mode = process, render_mode
-        self.metadata = {**type(self).metadata, "render_fps": frames_a_second(process)}  # pyright: ignore
+        own = {"render_fps": frames_a_second(process)}
+        self.metadata = type(self).metadata | own  # pyright: ignore
         self.action_space = self._one.single_action_space
         self.observation_space = self._one.single_observation_space
 

@@ -258,7 +258,7 @@ def require_flat(links: Robot, joints: Sequence[str]) -> None:
         )
     lines = mechanism.transmissions.items()
     for name in (n for n, line in lines if isinstance(getattr(line, "spring", 0), SlackSpring)):
-        if mechanism.transmissions[name].spring.slack:  # pyright: ignore[reportAttributeAccessIssue]
+        if mechanism.transmissions[name].spring.slack:  # pyright: ignore
             raise LinkworkError(f"transmissions.{name}: has slack, where its force has a corner")
     require_no_bearings(
         mechanism.joints, "a flat motion leaves out", "give these joints plain friction"

@@ -300,7 +300,7 @@ def integrate_many(
         p,
         Signals(*forces.signals),
         lanes.LaneSignals(*watched.watched),
-        Occasions(*(NO_OCCASION if occasion is None else occasion.asked)),  # pyright: ignore[reportArgumentType]
+        Occasions(*(NO_OCCASION if occasion is None else occasion.asked)),  # pyright: ignore
     )
     return _outcomes(asked, given, starts, times, threads or usable_processors(), progress)
 

@@ -67,7 +67,7 @@ def chosen(platforms: object) -> tuple[dict[str, list[str]], list[str]]:
     """Return the compilers by platform, and sentences on platforms that none is found for; refuse
     those if they are asked for by name."""
     everything = platforms is None
-    wanted = list(PLATFORMS) if everything else names(platforms, "platforms")  # pyright: ignore[reportArgumentType]
+    wanted = list(PLATFORMS) if everything else names(platforms, "platforms")  # pyright: ignore
     checks.known(wanted, tuple(PLATFORMS), "platform of an FMU")
     found, notes = {}, []
     for name in wanted:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
@@ -109,9 +110,9 @@ def variables(driven: Driven, kinds: Sequence[str], by_tree: bool, by_tool: bool
     at = dict(zip(tree.coordinates, home.q.tolist(), strict=True))
     groups: dict[str, list[FmuVariable]] = {"TIME": [FmuVariable("time", "time", "s", "time")]}
 
-    def group(place: str, role: str, said: str, layout: ArrayLayout, **more: object) -> None:
+    def group(place: str, role: str, said: str, layout: ArrayLayout, **more: Any) -> None:
         groups[place] = [
-            FmuVariable(own.name(said, name), role, unit, f"{layout.about}: {name}", **more)  # pyright: ignore[reportArgumentType]
+            FmuVariable(own.name(said, name), role, unit, f"{layout.about}: {name}", **more)
             for name, unit in layout.numbers
         ]
 

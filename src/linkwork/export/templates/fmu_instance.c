@@ -114,7 +114,8 @@ int lw_set_categories(lw_instance *instance, size_t count, const char *const *ca
     size_t k;
     for (k = 0; k < count; ++k) {
         const char *const each = categories ? categories[k] : 0;
-        if (!each || (strcmp(each, "logStatusError") != 0 && strcmp(each, "logStatusDiscard") != 0)) {
+        if (!each
+            || (strcmp(each, "logStatusError") != 0 && strcmp(each, "logStatusDiscard") != 0)) {
             return lw_fails(instance, LW_FMI_ERROR, "there is no category of messages", each);
         }
     }
@@ -167,7 +168,9 @@ static int lw_known(lw_instance *instance)
     if (!instance->is_me && model->moved) {
         int changed;
         return lw_outcome(
-            instance, lw_model_event(model, &changed), "the loops do not close with these numbers:");
+            instance,
+            lw_model_event(model, &changed),
+            "the loops do not close with these numbers:");
     }
     return lw_outcome(instance, lw_model_evaluate(model), "the states have no motion:");
 }
@@ -384,7 +387,9 @@ int lw_derivative(
         return status;
     }
     status = lw_outcome(
-        instance, lw_model_tangent(&instance->model, &instance->work, all, tangent), "there is no derivative:");
+        instance,
+        lw_model_tangent(&instance->model, &instance->work, all, tangent),
+        "there is no derivative:");
     for (k = 0; k < unknown_count; ++k) {
         if (unknowns[k] >= LW_VALUES) {
             return lw_fails(instance, LW_FMI_ERROR, "there is no number of this reference", "");

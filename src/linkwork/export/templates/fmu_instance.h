@@ -1,4 +1,5 @@
-/* An instance of an FMU: a model, where it stands in its life, and whom it tells what goes wrong. */
+/* An instance of an FMU: a model, where it stands in its life, and whom it tells what goes
+   wrong. */
 #ifndef LW_INSTANCE_H
 #define LW_INSTANCE_H
 

@@ -94,7 +94,8 @@ static int lw_other_map(const lw_chart *chart, const lw_real *Phi, lw_real L[LW_
         }
         for (i = 0; i < LW_W - LW_V; ++i) {
             const int from = chart->independent[k];
-            L[columns[i]][k] = -A[rows[i]][from] * lw_rate_factors[columns[i]] / lw_rate_factors[from];
+            L[columns[i]][k]
+                = -A[rows[i]][from] * lw_rate_factors[columns[i]] / lw_rate_factors[from];
         }
     }
     return 1;

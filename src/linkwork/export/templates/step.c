@@ -151,7 +151,8 @@ MEETING    lw_real slopes[2][LW_Y];
         lw_status status = lw_first_chart(state WITH_P, &chart);
         int attempt;
         for (attempt = 0; attempt < 2 && status == LW_OK; ++attempt) {
-            status = lw_dormand_prince(&chart, state, u, h, rtol, atol WITH_P, end WITH_SLOPES, &error);
+            status = lw_dormand_prince(
+                &chart, state, u, h, rtol, atol WITH_P, end WITH_SLOPES, &error);
 OTHERWISE            if (status == LW_SINGULAR && chart.own) {
 OTHERWISE                status = lw_best_chart(state->q WITH_P, &chart) ? LW_OK : LW_SINGULAR;
 OTHERWISE                continue;
