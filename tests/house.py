@@ -172,7 +172,8 @@ def code_lines(path: Path, tree: ast.Module) -> int:
 
 
 def uncommented(path: Path, tree: ast.Module, most: int) -> list[str]:
-    """Return the functions whose bodies have more than so many lines of code, and no comment."""
+    """Return the functions whose bodies have more than so many lines of code, and no comment on a
+    line of its own."""
     text = path.read_text(encoding="utf-8")
     lines, long = text.splitlines(), []
     for node in nodes(tree):
@@ -184,7 +185,11 @@ def uncommented(path: Path, tree: ast.Module, most: int) -> list[str]:
                 long.append((node.name, own))
     # Comments are looked for where there are such functions.
     tokens = tokenize.generate_tokens(StringIO(text * bool(long)).readline)
-    comments = {token.start[0] for token in tokens if token.type == tokenize.COMMENT}
+    comments = {
+        token.start[0]
+        for token in tokens
+        if token.type == tokenize.COMMENT and token.line.lstrip().startswith("#")
+    }
     return [name for name, own in long if not comments & {*own}]
 
 

@@ -140,7 +140,7 @@ def test_functions_of_many_lines_say_what_holds_in_them():
 @pytest.mark.parametrize(("comment", "found"), [("", ["f"]), ("    # Sums.\n", [])])
 def test_a_long_function_without_comments_is_found(comment, found, tmp_path):
     path = tmp_path / "module.py"
-    path.write_text(f'def f():\n    """Doc."""\n{comment}' + "    x = 1  \n" * 31)
+    path.write_text(f'def f():\n    """Doc."""\n{comment}' + "    x = 1  # one\n" * 31)
     assert uncommented(path, ast.parse(path.read_text()), 30) == found
     assert uncommented(path, ast.parse(path.read_text()), 31) == []
 

@@ -288,6 +288,7 @@ def payload(
     held = robot.mechanism.tools[name]
     if held.body not in robot.mechanism.bodies:
         raise LinkworkError(f"the tool is on {held.body!r}, which does not move; choose another")
+    # What is left when the described robot is taken off, by the numbers of the tool's body.
     regressor = regressor_of(robot)
     states, n = data.states, robot.mobility
     Y, known_part = regressor.with_known(states, data.accelerations)
@@ -306,6 +307,7 @@ def payload(
     noise = np.sqrt(np.mean(remains.reshape(n, -1) ** 2, axis=1))
     noise = np.maximum(noise, 1e-9 * max(float(np.abs(right).max()), 1e-300))
     weights = np.repeat(1 / noise, len(right) // n)
+    # A point at the tool with a small radius of gyration, as heavy as fits best.
     flat = robot.mechanism.bodies[held.body].inertia.planar
     at, gyration = np.array(held.frame.position), 0.05 * robot.equations.tree.length
     root = np.diag([gyration, 0.0, 0.0]) if flat else gyration / np.sqrt(3) * np.eye(3)

@@ -50,6 +50,7 @@ def short_way(
                 given = state.rates
         except AttributeError:
             return None
+        # Compiled code takes it; if it does not, stacks and all else go the way of NumPy.
         call = call or direct(kernel, sizes, tail, AskedOutputs(0, shape, 0.0))
         result = call(q, given) if numbers else call(q)
         return stacked(q, given) if result is None else result

@@ -28,6 +28,7 @@ def dynamics(
     with patience("deriving the equations of motion"):
         robot = built(source)
         state = start.state(robot)
+    # Forces of accelerations, or accelerations of forces; and the terms of the equations.
     v = state.independent
     if accelerations is not None:
         given = by_name(accelerations, v, "--accelerations")
@@ -58,6 +59,7 @@ def dynamics(
             | named_terms
         )
         return
+    # Facts, then a row and the mass matrix by rates.
     out = console()
     rows = [
         ("joints", named(robot.coordinates, state.positions)),

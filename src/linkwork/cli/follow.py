@@ -91,6 +91,7 @@ def follow(
         told = {"limits_passed": beyond, "without_forces": reason or None, "written": written}
         show_json(whole | data | told)
         return
+    # Facts, then a table of extremes for each kind of quantity.
     out = console()
     rows = [
         ("motion", f"{motion.time[-1]:.6g} s, {amount(len(motion.time), 'sample')}"),

@@ -424,6 +424,7 @@ def parameters(source: Source, effects: str | None, run: Path | None, as_json: b
             out.print(table(heading, rows, numbers=(0,)))
             return
         found = analysis.identify(robot, Run.load(run), wanted)
+    # Identified from a run.
     if as_json:
         told = {name: getattr(found, name) for name in IDENTIFIED_TOLD}
         show_json(told | {"residual": dict(zip(robot.independent, found.residual, strict=True))})

@@ -38,6 +38,7 @@ def dexterity(
             {"joints": joints_told(robot, state), "pose": pose_told(robot, state)} | found | local
         )
         return
+    # Facts, then each actuator.
     rows = [
         ("configuration", pose_of(robot, state)),
         ("led in", ", ".join(told.what)),

@@ -67,6 +67,7 @@ def target(goal: Goal, names: Names) -> DesiredMotion:
             raise LinkworkError(
                 f"the actuator {name!r} has no coordinate of its own to follow; write a controller"
             )
+    # A signal of all actuators.
     if isinstance(goal, Sampled | Signal):
         signal = as_signal(goal)
         width, count = signal.coefficients.shape[2], len(names.actuators)
@@ -76,10 +77,12 @@ def target(goal: Goal, names: Names) -> DesiredMotion:
                 f"{', '.join(names.actuators)}"
             )
         return DesiredMotion(signal)
+    # A motion, read off its states.
     if hasattr(goal, "time") and hasattr(goal, "state"):
         columns = [goal.state[name] for name in names.actuators]  # pyright: ignore
         led = Sampled(goal.time, np.stack(columns, axis=-1))  # pyright: ignore
         return DesiredMotion(as_signal(led))
+    # One place: a state, or coordinates by name.
     if isinstance(goal, Mapping) and (
         lacking := [name for name in names.actuators if name not in goal]
     ):

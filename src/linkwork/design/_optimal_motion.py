@@ -154,6 +154,7 @@ def optimal_motion(
             ModelWarning,
             stacklevel=3,
         )
+    # What the robot does under the forces that were found.
     T, times = own.T, np.linspace(0.0, own.T, count + 1)
     forces = Sampled(times, np.vstack([own.u.T, own.u[:, -1]]), "hold")
     run, missed = simulated(robot, ends, forces, T)

@@ -167,6 +167,7 @@ def solved(
     g = ca.vertcat(*equations, *margins)
     held = sum(each.numel() for each in equations)
     most = np.concatenate([np.zeros(held), np.full(g.numel() - held, np.inf)])
+    # The programme; what depends on nothing is refused.
     programme = Programme(
         ca.vertcat(*x),
         -objective.better * level,

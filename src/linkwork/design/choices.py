@@ -74,6 +74,7 @@ def choices(robot: Robot, numbers: Mapping[Any, tuple[float, float]]) -> Choices
     places = [located(robot.mechanism, path)[0] for path in freed.parameters]
     lower, upper, start = [], [], []
     found = np.zeros((freed.p.size, len(groups)))
+    # A number by itself, or several that keep their ratios.
     for k, (key, (name, paths)) in enumerate(zip(numbers, groups, strict=True)):
         rows = [places.index(located(robot.mechanism, path)[0]) for path in paths]
         alone = len(rows) == 1
@@ -84,6 +85,7 @@ def choices(robot: Robot, numbers: Mapping[Any, tuple[float, float]]) -> Choices
             least = dict(zip(paths, (low * found[rows, k]).tolist(), strict=True))
             refuse_sign(robot, name, low, least)
         lower, upper, start = [*lower, low], [*upper, high], [*start, own]
+    # What is not chosen stays as it is.
     offset = np.where(found.any(axis=1), 0.0, freed.p)
     names = tuple(name for name, _ in groups)
     still = [name for name, column in zip(names, found.T, strict=True) if not column.any()]

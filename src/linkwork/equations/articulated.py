@@ -166,6 +166,7 @@ def accelerations(
     result, pivots, led = SX.zeros(rates.numel()), SX.ones(rates.numel()), SX(bounds)
     alpha, a = ([zero()] * (len(tree.nodes) + 1) for _ in range(2))
     leading: list[Leading | None] = [None] * (len(tree.nodes) + 1)
+    # From body to body: what its parent does here, then rate by rate.
     for node in tree.nodes:
         p = node.parent
         carried = a[p] + cross(alpha[p], node.r)

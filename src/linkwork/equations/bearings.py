@@ -211,6 +211,7 @@ def refuse_open(equations: Equations) -> None:
     Phi = ca.vertcat(SX(0, equations.nv), *blocks)
     symbols = [equations.v, loads.dv, loads.phi, loads.u]
     evaluated = equations.tree.evaluated("open", [Phi, *outputs], inputs=symbols)
+    # All of it in numbers, at the reference and at some rates, loads and forces.
     numbers = np.random.default_rng(1)
     some = [numbers.standard_normal(symbol.numel()) for symbol in symbols]
     J, *found = (dense(ca.DM(value)) for value in evaluated(equations.reference, *some))
@@ -219,6 +220,7 @@ def refuse_open(equations: Equations) -> None:
     sizes = np.array([*sizes, *np.linalg.norm(J[len(sizes) :], axis=1)])
     left, values, _ = np.linalg.svd(J / sizes[:, None])
     unfelt = left[:, int((values > DEPENDENT_ROW * values.max(initial=0.0)).sum()) :]
+    # What bearings rub by must not change with them.
     for own, of in zip(loads.rubbing, loads.vectors, strict=True):
         carried = found[: len(of)]
         changes = found[len(of) : 2 * len(of)]

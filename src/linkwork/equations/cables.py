@@ -172,6 +172,7 @@ def round_surface(
             arc, bent = (
                 ca.if_else(near, a, b) for a, b in zip(inner[1:], (arc, bent), strict=True)
             )
+    # The points where it touches, in ground's axes.
     touching = [ca.mtimes(axes, point) for point in t]
     if isinstance(surface, OverCylinder):
         across = [ca.sqrt(ca.sumsqr(a - b) + TINY**2) for a, b in zip(d, t, strict=True)]
@@ -181,6 +182,7 @@ def round_surface(
         arc = arc * ca.sqrt(1 + slope**2)
     near, far = (centre + ca.mtimes(R, point) for point in touching)
     (one, first), (two, last) = ends
+    # Two straight parts with the arc between them, or one past the surface.
     parts = [
         Straight((one, surface.body), (first, near), share * bent),
         Straight((surface.body, two), (far, last), share * bent),

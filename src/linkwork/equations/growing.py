@@ -102,6 +102,7 @@ def branch_nodes(
             along = snap(turned @ motion.slide)
             near_r += constant(along) * coordinate
             r = r + parent.R.turned(along) * coordinate
+        # As a node: the axes of its columns, its place and its mass.
         column_axes = parent.axes if motion and motion.ball and not branch.reversed else R.axes
         parent = Node(
             index=index,

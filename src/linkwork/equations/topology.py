@@ -93,6 +93,7 @@ def span(mechanism: Mechanism) -> Topology:
         rates = len(waiting[name].rates(name))
         return (name not in driven, name not in needed, rates, near, order[name])
 
+    # What no joint carries floats from ground.
     def hang(body: str) -> None:
         described = next((name for name, joint in waiting.items() if joins(joint, body)), None)
         name = described or (body if body not in mechanism.joints else f"{body} in ground")

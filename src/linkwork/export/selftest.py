@@ -81,6 +81,7 @@ def selftest_text(robot: Robot, dialect: Dialect, calls: Sequence[Call], free: b
         for name, rows in golden.items()
         if name in used
     ]
+    # Its words, and what the precision of its numbers leaves.
     words = {
         "GOLDEN": "\n".join([f"enum {{ GOLDEN_STATES = {len(states)} }};\n", *tables]),
         "CHECKS": "\n".join(checked),

@@ -116,6 +116,7 @@ def read(path: str | Path, reading: Reading = PLAIN) -> Imported:
     """Read a mechanism from a model file as `load` does, without warnings."""
     path = file_path(path, "the path of a model file")
     suffix = path.suffix.lower()
+    # The native format, and what is none that can be read.
     if suffix in NATIVE:
         mechanism, notes = Mechanism.load(path), Notes()
         if reading.floating:
@@ -127,6 +128,7 @@ def read(path: str | Path, reading: Reading = PLAIN) -> Imported:
         )
     if suffix not in READ:
         raise MechanismError(f"{path}: a model file ends in {', '.join(READ)}, not {suffix!r}")
+    # XML, by its root element.
     root, notes = xml.read(path), Notes()
     form = next((form for form in FORMATS if form.root == root.tag), None)
     if form is None:
@@ -139,6 +141,7 @@ def read(path: str | Path, reading: Reading = PLAIN) -> Imported:
     mechanism = form.opened().read(root, notes, reading)
     if reading.floating:
         mechanism = floated(mechanism, path.name, notes)
+    # What its reference, its masses and its springs make of the motion.
     from linkwork.equations.reference import described
     from linkwork.formats.meeting_ends import tell_of_ends
     from linkwork.formats.weightless import tell

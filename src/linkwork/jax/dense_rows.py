@@ -36,6 +36,7 @@ def chunk_text(kernel: Kernel, weighed: bool, bound: float, machine: Machine) ->
     if len(kernel.outputs) > 1:
         second = lines.let("getelementptr inbounds ptr, ptr %found, i64 1")
         lines.do(f"store ptr %pivots, ptr {second}")
+    # Rows with gaps are left to others.
     dense = "true"
     for k, own in enumerate(sizes):
         place = lines.let(f"getelementptr inbounds i64, ptr %strides, i64 {k}")
@@ -56,6 +57,7 @@ def chunk_text(kernel: Kernel, weighed: bool, bound: float, machine: Machine) ->
     told |= {"strong": (lines.truth, lines.always)} if weighed else {}
     for name, (kind, begin) in told.items():
         lines.do(f"%{name} = phi {kind} [ {begin}, %evaluate ], [ %{name}.next, %block ]")
+    # Those of some blocks at a time.
     first = lines.let(f"mul i64 %number, {size * machine.lanes}")
     rows = lines.let(f"getelementptr inbounds double, ptr %rows, i64 {first}")
     _sum(lines, rows, TOGETHER * size, sums)

@@ -93,6 +93,7 @@ def step_text(
     _gather(lines, {3: 1}, "%h")
     lines.do(f"call void @copy(ptr %y, ptr %x, i64 {rows})")
     lines.do(f"call void @copy(ptr %sum, ptr %x, i64 {rows})")
+    # Stage by stage: the slope, whether its pivot is weak or has changed its sign, and the sum.
     h = lines.load("%h", 0)
     sixth = lines.op("fdiv", h, lines.constant(6.0))
     weak, first = "0", ""
@@ -110,6 +111,7 @@ def step_text(
         if along:
             reach = lines.op("fmul", h, lines.constant(along))
             lines.do(f"call void @add(ptr %x, ptr %y, {V} {reach}, ptr %k, i64 {rows})")
+    # The loops are closed, and all is told in bits: weak, open or not finite.
     opened = _closed(lines, closure, nq, free, motion.n_in, loose) if closure else "0"
     sound = lines.let(f"call {V} @zero_if_finite(ptr %sum, i64 {rows})")
     unsound = bits(lines, lines.compare("uno", sound, sound), UNDEFINED)

@@ -66,6 +66,7 @@ def dense_text(program: Program, machine: Machine) -> str:
     for first, size, start in zip(found, written, starts, strict=False):
         own = results[start : start + size]
         transposed.scattered(lines, own, size, _rows(lines, first, size))
+    # The next block, until all are done.
     lines.do("br label %next")
     lines.label("next")
     lines.do("%number.next = add nuw nsw i64 %number, 1")

@@ -220,6 +220,7 @@ def part_of(
         Operation(nodes[k].op, tuple(first_of[op] + place for op, place in own_operands))
         for k, own_operands in zip(calls[0], operands, strict=True)
     ]
+    # What is kept of its results, and where each call takes its arguments from.
     start, count = len(arguments), range(len(calls))
     kept = [i + start for i in range(len(body)) if any(call[i] in needed for call in calls)]
     return Part(

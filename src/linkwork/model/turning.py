@@ -195,6 +195,8 @@ def shares(
         own = [values[arg] for arg in args]
         if not any(own):
             continue
+        # Sums and multiples keep shares; sines see what is no whole number of turns, all else sees
+        # each.
         factors = factors_of(
             op, [nodes[arg].value if nodes[arg].op == "const" else None for arg in args]
         )

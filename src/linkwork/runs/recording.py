@@ -114,6 +114,7 @@ def record(made: Compared, state: State, besides: np.ndarray) -> Run:
     for fault in system.faults:
         if not isinstance(fault, Exception | KeyboardInterrupt):
             raise fault
+    # What is told is worked out when it is first asked for.
     of = RunRecord(robot, system, segments, besides, state, settings.save_at is None)
 
     def sentences() -> str:
@@ -128,6 +129,7 @@ def record(made: Compared, state: State, besides: np.ndarray) -> Run:
         ratio, until = (found.ratio, found.until) if found else (np.nan, np.nan)
         return {"error_estimate": ratio, "error_estimate_until": until}
 
+    # The run, with all of it.
     return Run(
         variables=of,
         coords=Deferred({COORDS: of.coords}),

@@ -217,6 +217,7 @@ def integrated(batch: Members, settings: Settings, stands: Stands, progress: Pro
     until = stands.until(settings.duration)
     last = np.searchsorted(save_at, until, "right")
     last[until == settings.duration] = save_at.size
+    # All members of the chart at a time.
     rtol, atol = system.tolerances(chart, settings.rtol, settings.atol, stands.y.shape[1])
     states = int(SHARE * EVALUATIONS * stands.members.size)
     outcomes = integrate_many(
@@ -246,6 +247,7 @@ def integrated(batch: Members, settings: Settings, stands: Stands, progress: Pro
         ),
         occasion=occasion(batch, chart, states),
     )
+    # What was evaluated counts for the choice of interpreter or machine code.
     chart.count(int(SHARE * outcomes.nfev.sum()))
     return outcomes
 

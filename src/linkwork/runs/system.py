@@ -267,6 +267,7 @@ def system(
     acting = replace(acting, followed=followed) if followed else acting
     for signal, _, what in acting.references:
         require_cover(f"{what} reads a signal", signal, *span)
+    # Its parameters: none is called as one of the mechanism, and all may have their values.
     for name in acting.parameters:
         if name in robot.parameters:
             raise LinkworkError(

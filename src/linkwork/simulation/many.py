@@ -267,6 +267,7 @@ def integrate_many(
 
     Raises `LinkworkError` as `integrate` does.
     """
+    # What is asked for is possible.
     require_run(duration, max_steps)
     stop = start + duration
     given = np.asarray(y, dtype=float)
@@ -276,6 +277,7 @@ def integrate_many(
     require_covers(inputs, start, stop)
     times = times_within(np.atleast_1d(save_at), start, stop)
     tolerance, turning = tolerances(rtol, atol, n), turning or Turning.none(nq)
+    # Where each member starts, its parameters and its inputs.
     if starts is None:
         own = start, stop, pivot_bound
         starts = Starts.alike(members, own, max_steps, times.size, nq)
@@ -290,6 +292,7 @@ def integrate_many(
     from linkwork.simulation.lane_events import Occasions
     from linkwork.simulation.lane_inputs import Signals
 
+    # As the compiled loop takes it.
     asked = (
         lanes.Kernels(motion, closure or 0, 0, 0, 0, 0),
         method.plan.table,
@@ -329,6 +332,7 @@ def _outcomes(
     ended = np.zeros((len(chunks), 1), dtype=np.intp)
     found: dict[int, np.ndarray] = {}
 
+    # One chunk: integrated, or marked as cancelled; times that were not reached are not there.
     def run(i: int) -> bool:
         chunk = chunks[i]
         states[chunk], turns[chunk] = given[chunk], starts.turns[chunk]
@@ -351,6 +355,7 @@ def _outcomes(
         if progress is not None:
             progress(int(ended.sum()), members)
 
+    # Chunk by chunk over the threads.
     dealt(run, len(chunks), threads, report, partial(cancel.fill, 1))
     return Outcomes(
         status=counts[:, rows.STATUS].copy(),

@@ -54,6 +54,7 @@ def advance(run):
             run.lowest = run.last_pivot
             return
         copy(k + width, k, nq)
+    # The stages in their order.
     for i in range(1, solution + 1):
         combine(method.a + i * stages, i, h, y, k, width, n, new if i == solution else x)
         # The last stage is the new state itself, closed.
@@ -66,6 +67,7 @@ def advance(run):
             if fixed:
                 break
             copy(new, x, n)
+        # The slope there, under the inputs of its time.
         time = run.t + method.c[i] * h
         piece = force(run.inputs, time, True, piece, x + n)
         run.ailment, run.last_pivot = evaluate(run, i)

@@ -97,6 +97,7 @@ def eliminated(t, Phi, W):
         if order[3 * block + 2] != 0:
             weakest[0] = pivot if first else weaker(weakest[0], pivot)
             first = False
+        # The block's rows, from the left by its inverse.
         for j in range(k + size, width):
             for a in range(size):
                 solved[a] = 0.0
@@ -104,6 +105,7 @@ def eliminated(t, Phi, W):
                     solved[a] += inverse[a * size + b] * W[(k + b) * width + j]
             for a in range(size):
                 W[(k + a) * width + j] = solved[a]
+        # All other rows, less their share of these.
         for i in range(d):
             if i < k or i >= k + size:
                 for a in range(size):

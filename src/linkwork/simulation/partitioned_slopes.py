@@ -112,6 +112,7 @@ def jacobian(x, out, t):
     HL, M = b + d, b + (d + d * n)
     result, a = M + n * n, M + (n * n + n)
     residual, multipliers = a + nv, a + 2 * nv
+    # M v' = L' (forces - H b), solved.
     for i in range(nv):
         residual[i] = -forces[i]
     biased(t, W, gamma, b)
@@ -139,6 +140,7 @@ def jacobian(x, out, t):
         asked[nq + nv + i] = work[nq + nv + inputs + i]
     evaluate(int(t[TURNING]), asked, turned)
     moving, lines = nq + nv + inputs, nq + nv + states + rows
+    # The input of the slopes, each number in all lanes.
     side = room((given + nv + rows + moving + lines + d + n) * LANES, x)
     flat = within(side, x)
     X = beside(flat)
@@ -158,6 +160,7 @@ def jacobian(x, out, t):
         directed(t, W, turned, flat + first_direction * LANES, first)
         evaluate(int(t[SLOPES]), X, E)
         answered(t, W, H, M, E, E + lines, answers)
+        # A column of the answer for each lane.
         for lane in range(min(LANES, nq + n + inputs - first)):
             column = out + (first + lane) * height
             for i in range(nq):

@@ -132,6 +132,7 @@ class Stepper:
             array.ctypes.data for array in (self.u, self.y)
         )
         self._counts[CELL["forces"]] = self.u.size
+        # The compiled stepper, and where it reads and writes.
         address, self._portion = compiled(settings.integrator.stiff), portion(nq)
         self._cells[CELL["step"]], self._cells[CELL["last"]] = self.dt, inputs.span[1]
         self._places = self.u.ctypes.data, self._cells.ctypes.data
@@ -172,6 +173,7 @@ class Stepper:
                 after the last step that could be taken.
             LinkworkError: forces that do not fit; they are refused before anything happens.
         """
+        # One step the shortest way.
         if steps == 1 and (out is None or out is self.y):
             y = self._single(self.u if u is None else u)
             if y is None and (code := self._told()):  # the step was not taken as a whole
@@ -179,6 +181,7 @@ class Stepper:
                 y = self.y.copy()
             if y is not None:
                 return y if out is None else out
+        # Else the forces are written, and steps are taken in portions.
         if u is not None:
             if (
                 type(u) is np.ndarray
@@ -198,6 +201,7 @@ class Stepper:
         if steps > self._portion:
             steps = portions_taken(self._take, steps, self._portion)
         self._take(steps)
+        # The state goes where it is asked for.
         if out is None:
             return self.y.copy()
         if out is not self.y:

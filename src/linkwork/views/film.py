@@ -208,6 +208,7 @@ class Shelf:
         if isinstance(form, PlacedMesh) and part.role != "member" and form.is_disc(scene.flat):
             at = self.add(moved(form.position[None], part.bodies, scene.moves))
             yield Stroke("dot", tuple(at), colour, WIDE / 2 * form.scale[0] / scene.size)
+        # Meshes by faces or outlines; then what is made of points.
         elif isinstance(form, PlacedMesh) and not form.mesh.convex:
             piece = form.coarser(TRIANGLES)
             corners = (piece.corners / scene.size).round(5).ravel().tolist()

@@ -143,6 +143,7 @@ def draw_surface(mapped: xarray.Dataset, quantity: str, ax: Axes | None) -> Axes
     values = mapped[quantity].transpose(*names).values.astype(float)
     places = [mapped[name].values for name in names]
     found = surface(mapped["reachable"].transpose(*names).values, places)
+    # Its axes, and a sentence where nothing is reached.
     with styled():
         axes: Any = new_figure(WIDTH, HEIGHT).add_subplot(projection="3d") if ax is None else ax
         for letter, name in zip("xyz", names, strict=True):

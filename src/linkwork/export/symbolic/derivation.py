@@ -237,6 +237,7 @@ class Derivation:
                 ]
             )
 
+        # All matrices by what they are made of, unless they are too long to read.
         n, free = len(self.free), self.free
         matrices = {
             "phi": sympy.Matrix([self.write(row.phi) for row in rows]),
@@ -250,6 +251,7 @@ class Derivation:
         operations = int(sympy.count_ops([*expressions, *matrices.values()]))
         if operations > MOST:
             raise self.too_long(operations)
+        # What was found, with its letters and their meanings.
         found = self.dimensions.found
         return ClosedForms(
             name=self.robot.mechanism.name,

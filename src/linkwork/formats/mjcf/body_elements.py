@@ -93,6 +93,7 @@ def write_inertial(sheet: Sheet, element: ET.Element, seat: Seat, body: Body) ->
             "bodies that give zz alone are written with xx = yy = zz, which a planar motion "
             "does not feel"
         )
+    # What has no mass and moves is given a little.
     if not seat.share:
         mass = POINT_MASS * sheet.total
         sheet.notes.say(
@@ -104,6 +105,7 @@ def write_inertial(sheet: Sheet, element: ET.Element, seat: Seat, body: Body) ->
         sheet.notes.say(
             f"bodies.{seat.body}: moves without mass, which MuJoCo refuses; {mass:.3g} kg are added"
         )
+    # Moments that MuJoCo refuses are those of no rigid body, of flat bodies, and zero.
     a, b, c = np.linalg.eigvalsh(I)
     if not rigid(a, b, c):
         raise MechanismError(
@@ -124,6 +126,7 @@ def write_inertial(sheet: Sheet, element: ET.Element, seat: Seat, body: Body) ->
                 f"bodies.{seat.body}: has no inertia about some axis, which MuJoCo refuses; "
                 f"a radius of gyration of {np.sqrt(added / mass):.3g} m is added"
             )
+    # In the axes of the shape that has them, or in the body's own.
     given = {"pos": numbers(body.centre_of_mass), "mass": number(mass)}
     R = axes_of_box(sheet, seat)
     if R is None:

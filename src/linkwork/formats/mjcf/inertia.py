@@ -127,6 +127,7 @@ def with_spring_dampers(document: Document, tree: ModelTree, notes: Notes) -> Mo
     for name, node in tree.nodes.items():
         pieces = []
         for piece in node.pieces:
+            # k = m / (T z)^2 and d = 2 m / T, with the mass m that the joint moves.
             if number in wanted:
                 (T, z), own = wanted[number], [mobility(M, units[k]) for k in places[number]]
                 mass = 1 / np.mean(own)

@@ -267,6 +267,7 @@ class JointReader:
             known = known if bounded and lower < upper else {}
             known |= {"speed": speed} if 0 < speed < NO_LIMIT else {}
             found["limits"] = limit.make(Limits, **known)
+            # A joint that can give no effort is not driven.
             if limit.first("effort") is not None:
                 effort = limit.inner_number("effort", -1.0, most=inf)
                 joint.driven[tag] = effort != 0

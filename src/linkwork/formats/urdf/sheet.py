@@ -83,6 +83,7 @@ def write_step(
 ) -> None:
     """Write a hinge or a slide; `own` is None for the slide that follows a screw's hinge."""
     name = label.replace(".", "_")
+    # The slide of a screw follows its turn.
     if own is None:
         pitch = float(motion.pitch)  # pyright: ignore[reportArgumentType]
         element = add_joint(sheet, f"{name}_advance", "prismatic", *links, X, motion.turn)
@@ -91,6 +92,7 @@ def write_step(
         if not sheet.beside:
             element.set("independent", "false")
         return
+    # A joint of one freedom, with the rotor of its motor.
     slides = motion.what == "slide"
     axis = np.asarray(motion.slide if slides else motion.turn, float)
     bounded = slides or own.limits.bounded
@@ -104,6 +106,7 @@ def write_step(
         )
     if not sheet.beside:
         element.set("independent", "true" if driven else "false")
+    # What bounds it and resists it, and a spring of Gazebo's.
     if bounded or own.limits.speed is not None:
         ET.SubElement(element, "limit", bounds(own.limits, kind))
     if own.friction.viscous or own.friction.coulomb:

@@ -162,6 +162,7 @@ def write_link(sheet: UrdfSheet, name: str) -> None:
     tensor = solid.inertia
     if body.inertia.planar and body.inertia.zz:
         tensor = np.eye(3) * body.inertia.zz  # what a plane does not feel, so that it is rigid
+    # Mass and moments, in the frame of the link.
     if solid.mass or tensor.any():
         inertial = ET.SubElement(element, "inertial")
         ET.SubElement(inertial, "origin", xyz=numbers(poses.point(back, solid.centre)), rpy="0 0 0")
@@ -172,6 +173,7 @@ def write_link(sheet: UrdfSheet, name: str) -> None:
         ET.SubElement(
             inertial, "inertia", {key: repr(float(own[at])) for key, at in places.items()}
         )
+    # Shapes, as far as URDF has them.
     for shape in body.shapes:
         geometry = ET.Element("geometry")
         match shape:
