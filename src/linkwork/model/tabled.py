@@ -9,6 +9,7 @@ rates and the order of elimination to the code that all charts of all mechanisms
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -17,6 +18,9 @@ from linkwork.equations import Equations, uncharted
 from linkwork.equations.chart import Chart
 from linkwork.kernels import Kernel
 from linkwork.kernels.bound import BoundFunction
+
+if TYPE_CHECKING:
+    from linkwork.simulation.partitioned import TableSizes
 
 Compiled = Callable[[str, Callable[[Equations], ca.Function]], Kernel]
 
@@ -52,10 +56,10 @@ def tabled(
     found = [kernel.wide_address if wide else kernel.early_address for kernel in kernels]
     table = table_of(equations, acting, found)
     told = sizes(equations, acting)
-    nq, nv, n, _, _, inputs, parameters, _, states, own = told
-    given = nq + n + inputs + parameters + own
+    nq, nv, n, parameters = told.nq, told.nv, told.n, told.parameters
+    given = nq + n + told.inputs + parameters + told.own
     shapes = {
-        "motion": (given, nq + n + states + 1),
+        "motion": (given, nq + n + told.states + 1),
         "closure_step": (nq + parameters, nq + 1),
         "tree_rates": (nq + n + parameters, nv + 1),
         "tree_motion": (nq + 2 * n + parameters, 2 * nv),
@@ -81,8 +85,9 @@ def jacobian(
     ]
     *alone, abreast = kernels
     addresses = [*(kernel.address for kernel in alone), abreast.wide_address]
-    nq, _, n, _, _, inputs, parameters, _, states, own = sizes(equations, balance)
-    shape = nq + n + inputs + parameters + own, (nq + n + states) * (nq + n + inputs)
+    told = sizes(equations, balance)
+    nq, n, inputs = told.nq, told.n, told.inputs
+    shape = nq + n + inputs + told.parameters + told.own, (nq + n + told.states) * (nq + n + inputs)
     table = table_of(equations, balance, addresses)
     return BoundFunction(partitioned_slopes.entry(), table, *shape, *kernels)
 
@@ -96,20 +101,28 @@ def table_of(equations: Equations, acting: Kernel | None, addresses: Sequence[in
     return np.array([*sizes(equations, acting), *places, *order], float)
 
 
-def sizes(equations: Equations, acting: Kernel | None = None) -> tuple[int, ...]:
-    """Return nq, nv, n, dependent rates, rows, inputs, parameters and blocks, and of what acts the
-    states z and the parameters."""
+def sizes(equations: Equations, acting: Kernel | None = None) -> TableSizes:
+    """Return the sizes of equations in a chart, with what acts."""
+    from linkwork.simulation.partitioned import TableSizes
+
     parameters, states, own = equations.p.numel(), 0, 0
     inputs = len(equations.mechanism.actuators)
     if acting is not None:
-        _, _, (_, states), (_, signals), (_, every) = acting.inputs
-        inputs, own = states + signals, every - parameters
-    rows, blocks = len(equations.rows.names), len(equations.chart.blocks)
-    dependent = len(equations.chart.dependent)
-    n = equations.mobility
-    nq = equations.nq
-    nv = equations.nv
-    return nq, nv, n, dependent, rows, inputs, parameters, blocks, states, own
+        given = [size for _, size in acting.inputs]
+        states, own = given[2], given[4] - parameters
+        inputs = states + given[3]
+    return TableSizes(
+        nq=equations.nq,
+        nv=equations.nv,
+        n=equations.mobility,
+        d=len(equations.chart.dependent),
+        rows=len(equations.rows.names),
+        inputs=inputs,
+        parameters=parameters,
+        blocks=len(equations.chart.blocks),
+        states=states,
+        own=own,
+    )
 
 
 def elimination(chart: Chart, pattern: Mapping[int, Mapping[int, bool]]) -> list[float]:

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from numba import njit, types
 
@@ -31,16 +31,37 @@ from linkwork.simulation.compiled import OPTIONS, address_of, compiled_once
 from linkwork.simulation.pointers import POINTER
 
 HIDDEN = 1e-13  # part of a product that rounding hides
-SIZES, ADDRESSES = 10, 4
 INVERSE = 9  # numbers of the largest block's inverse
 
 ONE, WIDE = types.void(POINTER, POINTER, POINTER), types.void(ROWS, ROWS, POINTER)
 
 
+class TableSizes(NamedTuple):
+    """Hold the sizes at the head of a table; d: of the dependent rates; states, own: z and the
+    parameters of what acts."""
+
+    nq: int
+    nv: int
+    n: int
+    d: int
+    rows: int
+    inputs: int
+    parameters: int
+    blocks: int
+    states: int
+    own: int
+
+
+SIZES, ADDRESSES = len(TableSizes._fields), 4
+
+
 @njit(**OPTIONS)
 def sized(t):
-    """Return nq, nv, n, d, rows, inputs, parameters, blocks; `acts` has the others."""
-    return int(t[0]), int(t[1]), int(t[2]), int(t[3]), int(t[4]), int(t[5]), int(t[6]), int(t[7])
+    """Return the sizes that a table begins with."""
+    return TableSizes(
+        int(t[0]), int(t[1]), int(t[2]), int(t[3]), int(t[4]),
+        int(t[5]), int(t[6]), int(t[7]), int(t[8]), int(t[9]),
+    )  # fmt: skip
 
 
 @njit(**OPTIONS)
@@ -74,7 +95,8 @@ def eliminated(t, Phi, W):
     Phi: rows x nv, by columns.
     """
     # [Phi_u, -Phi_a, 1] in the order of the table.
-    _, _, n, d, rows, _, _, blocks = sized(t)
+    sizes = sized(t)
+    n, d, rows, blocks = sizes.n, sizes.d, sizes.rows, sizes.blocks
     independent = t + (SIZES + ADDRESSES)
     columns, kept, order = independent + n, independent + n + d, independent + n + 2 * d
     width = n + 2 * d
@@ -124,7 +146,8 @@ def opened(t, q, p, W, work):
     """Evaluate phi, Phi and the largest gap into the work, from its number nq + parameters on, and
     eliminate; return the weakest relative pivot.
     """
-    nq, _, _, _, rows, _, parameters, _ = sized(t)
+    sizes = sized(t)
+    nq, rows, parameters = sizes.nq, sizes.rows, sizes.parameters
     for i in range(nq):
         work[i] = q[i]
     for i in range(parameters):
@@ -137,7 +160,8 @@ def opened(t, q, p, W, work):
 @njit(**OPTIONS)
 def whole(t, W, v, w):
     """Fill w = L v (nv)."""
-    _, _, n, d, _, _, _, _ = sized(t)
+    sizes = sized(t)
+    n, d = sizes.n, sizes.d
     independent = t + (SIZES + ADDRESSES)
     columns, width = independent + n, n + 2 * d
     for j in range(n):
@@ -191,21 +215,16 @@ def solved_positive(M, n, b):
 
 
 @njit(**OPTIONS)
-def acts(t):
-    """Return numbers of the states z and the parameters of what acts."""
-    return int(t[8]), int(t[9])
-
-
-@njit(**OPTIONS)
 def in_tree(t, x, W, work):
     """Fill work with (q, w, inputs, parameters) from x = (q, v, inputs, parameters); return the
     weakest relative pivot."""
-    nq, nv, n, _, _, inputs, parameters, _ = sized(t)
+    sizes = sized(t)
+    nq, nv, n, inputs, parameters = sizes.nq, sizes.nv, sizes.n, sizes.inputs, sizes.parameters
     pivot = opened(t, x, x + (nq + n + inputs), W, work)
     for i in range(nq):
         work[i] = x[i]
     whole(t, W, x + nq, work + nq)
-    for i in range(inputs + parameters + acts(t)[1]):
+    for i in range(inputs + parameters + sizes.own):
         work[nq + nv + i] = x[nq + n + i]
     return pivot
 
@@ -213,7 +232,8 @@ def in_tree(t, x, W, work):
 @njit(**OPTIONS)
 def biased(t, W, gamma, b):
     """Fill b_d (d) in the order of elimination."""
-    _, _, n, d, _, _, _, _ = sized(t)
+    sizes = sized(t)
+    n, d = sizes.n, sizes.d
     kept, width = t + (SIZES + ADDRESSES + n + d), n + 2 * d
     for i in range(d):
         b[i] = 0.0
@@ -225,7 +245,8 @@ def biased(t, W, gamma, b):
 def reduced(t, W, H, HL, M):
     """Fill HL (d x n) with H_dd L_d + H_da, and the upper triangle of M (n x n) with
     H_aa + H_ad L_d + L_d' (H_dd L_d + H_da)."""
-    _, nv, n, d, _, _, _, _ = sized(t)
+    sizes = sized(t)
+    nv, n, d = sizes.nv, sizes.n, sizes.d
     independent = t + (SIZES + ADDRESSES)
     columns, width = independent + n, n + 2 * d
     for i in range(d):
@@ -250,7 +271,8 @@ def reduced(t, W, H, HL, M):
 @njit(**OPTIONS)
 def accelerated(t, W, H, forces, b, result):
     """Take H b from the forces (nv), and fill the result (n) with L' (forces - H b)."""
-    _, nv, n, d, _, _, _, _ = sized(t)
+    sizes = sized(t)
+    nv, n, d = sizes.nv, sizes.n, sizes.d
     independent = t + (SIZES + ADDRESSES)
     columns, width = independent + n, n + 2 * d
     for j in range(d):
@@ -266,8 +288,9 @@ def accelerated(t, W, H, forces, b, result):
 def motion(x, out, t):
     """Compute (q, v, z, r, p) -> q', v', z' and the weakest relative pivot; without what acts z are
     no numbers, and r are the forces u."""
-    nq, nv, n, d, rows, inputs, parameters, _ = sized(t)
-    states, own = acts(t)
+    sizes = sized(t)
+    nq, nv, n, d, rows = sizes.nq, sizes.nv, sizes.n, sizes.d, sizes.rows
+    inputs, parameters, states, own = sizes.inputs, sizes.parameters, sizes.states, sizes.own
     width = n + 2 * d
     given = nq + nv + inputs + parameters + own
     found = nq + nv * nv + nv + rows + states + 1
@@ -297,7 +320,9 @@ def motion(x, out, t):
 def closure_step(x, out, t):
     """Compute (q, p) -> q after one Newton step of the dependent coordinates, and the largest |phi|
     before it."""
-    nq, nv, n, d, rows, _, parameters, _ = sized(t)
+    sizes = sized(t)
+    nq, nv, n, d, rows = sizes.nq, sizes.nv, sizes.n, sizes.d, sizes.rows
+    parameters = sizes.parameters
     columns, width = t + (SIZES + ADDRESSES + n), n + 2 * d
     kept = columns + d
     size = d * width + nq + parameters + rows * (nv + 1) + 1
@@ -323,7 +348,9 @@ def closure_step(x, out, t):
 
 def tree_rates(x, out, t):
     """Compute (q, v, p) -> w = L v and the weakest relative pivot."""
-    nq, nv, n, d, rows, _, parameters, _ = sized(t)
+    sizes = sized(t)
+    nq, nv, n, d, rows = sizes.nq, sizes.nv, sizes.n, sizes.d, sizes.rows
+    parameters = sizes.parameters
     kept_alive = room(d * (n + 2 * d) + nq + parameters + rows * (nv + 1) + 1, x)
     W = within(kept_alive, x)
     pivot = opened(t, x, x + (nq + n), W, W + d * (n + 2 * d))
@@ -334,7 +361,9 @@ def tree_rates(x, out, t):
 
 def tree_motion(x, out, t):
     """Compute (q, v, v', p) -> w = L v and w' = L v' + b."""
-    nq, nv, n, d, rows, _, parameters, _ = sized(t)
+    sizes = sized(t)
+    nq, nv, n, d, rows = sizes.nq, sizes.nv, sizes.n, sizes.d, sizes.rows
+    parameters = sizes.parameters
     columns, given = t + (SIZES + ADDRESSES + n), nq + nv + parameters
     kept_alive = room(d * (n + 2 * d) + given + rows * (nv + 1) + 1 + d, x)
     W = within(kept_alive, x)
@@ -359,8 +388,10 @@ def tree_motion(x, out, t):
 
 def seen(x, out, t):
     """Compute (q, v, inputs, parameters) -> the table's function of (q, w, inputs, parameters)."""
-    nq, nv, n, d, rows, inputs, parameters, _ = sized(t)
-    given = nq + nv + inputs + parameters + acts(t)[1]
+    sizes = sized(t)
+    nq, nv, n, d, rows = sizes.nq, sizes.nv, sizes.n, sizes.d, sizes.rows
+    inputs, parameters = sizes.inputs, sizes.parameters
+    given = nq + nv + inputs + parameters + sizes.own
     kept_alive = room(d * (n + 2 * d) + given + rows * (nv + 1) + 1, x)
     W = within(kept_alive, x)
     work = W + d * (n + 2 * d)

@@ -23,7 +23,6 @@ from linkwork.simulation.partitioned import (
     ONE,
     SIZES,
     accelerated,
-    acts,
     biased,
     compiled_entry,
     decomposed,
@@ -45,7 +44,8 @@ def directed(t, W, turned, X, first):
 
     turned: d(Phi w)/dq (rows x nq), by columns
     """
-    nq, nv, n, d, rows, inputs, _, _ = sized(t)
+    sizes = sized(t)
+    nq, nv, n, d, rows, inputs = sizes.nq, sizes.nv, sizes.n, sizes.d, sizes.rows, sizes.inputs
     independent = t + (SIZES + ADDRESSES)
     columns, kept, width = independent + n, independent + (n + d), n + 2 * d
     for i in range((nq + nv + inputs) * LANES):
@@ -75,11 +75,12 @@ def answered(t, W, H, M, E, b, r):
     H, M: as `reduced` and `decomposed` leave them; E: the derivatives of q' (nq), of the forces
         (nv), of z' and of Phi a + gamma (rows); b: room for da_u (d)
     """
-    nq, nv, n, d, _, _, _, _ = sized(t)
+    sizes = sized(t)
+    nq, nv, n, d = sizes.nq, sizes.nv, sizes.n, sizes.d
     independent = t + (SIZES + ADDRESSES)
     columns, width = independent + n, n + 2 * d
     forces = E + nq
-    biased(t, W, forces + (nv + acts(t)[0]), b)
+    biased(t, W, forces + (nv + sizes.states), b)
     for k in range(d):
         column = int(columns[k])
         for i in range(nv):
@@ -94,8 +95,9 @@ def answered(t, W, H, M, E, b, r):
 
 def jacobian(x, out, t):
     """Compute (q, v, z, r, p) -> df/dy and df/dr of y' = (q', v', z'), column by column."""
-    nq, nv, n, d, rows, inputs, parameters, _ = sized(t)
-    states, own = acts(t)
+    sizes = sized(t)
+    nq, nv, n, d, rows = sizes.nq, sizes.nv, sizes.n, sizes.d, sizes.rows
+    inputs, parameters, states, own = sizes.inputs, sizes.parameters, sizes.states, sizes.own
     independent = t + (SIZES + ADDRESSES)
     columns, kept, width = independent + n, independent + (n + d), n + 2 * d
     given, found = nq + nv + inputs + parameters + own, nq + nv * nv + nv + rows + states + 1
