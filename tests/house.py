@@ -82,7 +82,15 @@ WINGS = {
     # What a run may meet, and what is told of it.
     "ensembles": (
         *("lane_*", "lanes", "many", "vectors"),
-        *("ensemble", "measuring", "members", "one_by_one", "saved_rows", "side_by_side"),
+        *(
+            "ensemble",
+            "measuring",
+            "member_events",
+            "members",
+            "one_by_one",
+            "saved_rows",
+            "side_by_side",
+        ),
     ),
     "events, stiffness": (
         *("bends", "cable_leaps", "events", "native_events", "native_occurrences", "native_search"),

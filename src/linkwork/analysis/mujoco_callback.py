@@ -18,6 +18,7 @@ from linkwork.checks import shown
 from linkwork.errors import LinkworkError
 from linkwork.kernels import compile_function
 from linkwork.model.checks import PIVOT_BOUND
+from linkwork.model.closing import settled_alone
 
 
 class Last(NamedTuple):
@@ -111,7 +112,7 @@ class EngineCallback:
         q, way, step = start.q, 0.0, 1.0
         while way < 1:
             there = start.x + (way + step) * (x - start.x) if way + step < 1 else x
-            found = self._newton(self._placed.flat(q, there))
+            found = self._settled(self._placed.flat(q, there))
             if found is not None:
                 q, way = found, way + step
                 step = min(2 * step, 1 - way)
@@ -119,10 +120,13 @@ class EngineCallback:
                 return None
         return q
 
-    def _newton(self, q: np.ndarray) -> np.ndarray | None:
-        for _ in range(STEPS):
+    def _settled(self, q: np.ndarray) -> np.ndarray | None:
+        """Return q closed by Newton's steps at the same joints; None where they do not close it, or
+        on another branch."""
+
+        def read(q: np.ndarray) -> tuple[float, np.ndarray]:
             y = self._closing.flat(q)
-            if y[-2] < CLOSED:
-                return q if y[-1] > PIVOT_BOUND else None
-            q = y[:-2]
-        return None
+            return float(y[-2]), y
+
+        q, gap, y = settled_alone(read, lambda _, y: y[:-2], q, CLOSED, STEPS)
+        return q if gap <= CLOSED and y[-1] > PIVOT_BOUND else None

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,8 +26,9 @@ from linkwork.patience import hushed, ongoing
 from linkwork.readonly import ReadOnlyArrays
 from linkwork.runs import following, recording
 from linkwork.runs.accuracy import compared, repeatable, tightened
-from linkwork.runs.endings import ending, singular_times
+from linkwork.runs.endings import ending
 from linkwork.runs.measuring import measured
+from linkwork.runs.member_events import Happened, happened, passed
 from linkwork.runs.members import Members, members
 from linkwork.runs.one_by_one import Progress, SingleRun, Task, by_themselves
 from linkwork.runs.passage import Segment
@@ -56,14 +57,6 @@ if TYPE_CHECKING:
 AT_ONCE = 1000  # members that are run again together
 Again = Callable[[Sequence[int]], Iterator[tuple[int, Sequence[Segment], bool]]]
 STATISTICS = ("nfev", "steps", "rejected", "pivot", "closure_error")
-
-
-class Happened(NamedTuple):
-    """Hold the events of all runs side by side, member by member: whose, which and when [s]."""
-
-    members: np.ndarray
-    names: np.ndarray
-    times: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -484,43 +477,6 @@ def companion(batch: Members, settings: Settings) -> Callable[[], Ensemble] | No
         return completed(batch, tight, lambda done, total: None)
 
     return other
-
-
-def happened(batch: Members, legs: Sequence[Leg], singles: Sequence[SingleRun]) -> Happened:
-    """Return the events of all runs: of those by themselves, and of all others in the lanes."""
-    names = np.array([event.name for event in batch.system.events], dtype=object)
-    if not names.size:
-        return Happened(np.empty(0, int), names, np.empty(0))
-    found = [np.empty((0, 3))]
-    for one in singles:
-        for part in one.segments:
-            events = part.trajectory.events
-            whose = np.full(len(events), float(one.member))
-            found.append(np.column_stack([whose, events.index, events.times]))
-    alone = [one.member for one in singles]
-    for leg in legs:
-        rows = leg.outcomes.events
-        whose = leg.members[rows[:, -1].astype(int)]
-        table = np.column_stack([whose, rows[:, -2], rows[:, 0]])
-        found.append(table[~np.isin(whose, alone)])
-    table = np.concatenate(found)
-    table = table[np.lexsort((table[:, 2], table[:, 0]))]
-    whose, index, times = table[:, 0].astype(int), table[:, 1].astype(int), table[:, 2].copy()
-    return Happened(whose, names[index], times)
-
-
-def passed(singles: Sequence[SingleRun]) -> Happened:
-    """Return the singular poses that all runs stepped over."""
-    found = [
-        (one.member, singular_times(one.segments))
-        for one in sorted(singles, key=lambda one: one.member)
-    ]
-    whose = np.array([member for member, times in found for _ in times], int)
-    return Happened(
-        whose,
-        np.full(whose.size, "singular pose", object),
-        np.array([t for _, of in found for t in of], float),
-    )
 
 
 @contextmanager
