@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from math import prod
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -137,8 +137,10 @@ def transmitted(
     size = max(1, MEMORY // network.numbers)
     pieces = [part[k : k + size] for part in samples for k in range(0, max(len(part.q), 1), size)]
     parts = [balanced_part(robot, network, piece, frame, length) for piece in pieces]
-    wrenches, constraint, mu = (np.concatenate([part[i] for part in parts]) for i in range(3))
-    is_open = np.any([part[3] for part in parts], axis=0)
+    wrenches = np.concatenate([part.wrenches for part in parts])
+    constraint = np.concatenate([part.constraint for part in parts])
+    mu = np.concatenate([part.mu for part in parts])
+    is_open = np.any([part.is_open for part in parts], axis=0)
     return Reactions(
         joints=network.joints,
         wrenches=wrenches.reshape(*batch, *wrenches.shape[1:]),
@@ -154,11 +156,20 @@ def transmitted(
     )
 
 
+class BalancedSamples(NamedTuple):
+    """Hold wrenches and their constraint part (K, J, 6), multipliers of gears mu (K, gears), and
+    which components are open (J, 6)."""
+
+    wrenches: np.ndarray
+    constraint: np.ndarray
+    mu: np.ndarray
+    is_open: np.ndarray
+
+
 def balanced_part(
     robot: Model, network: Network, samples: Samples, frame: str, length: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return wrenches and their constraint part (K, J, 6), multipliers of gears (K, gears), and
-    which are open (J, 6)."""
+) -> BalancedSamples:
+    """Return what is transmitted at samples, in the axes of a frame."""
     unit, outside = np.repeat([length, 1.0], 3), samples.applied
     if outside is None:
         outside = np.zeros((len(samples.q), len(robot.bodies), 6))
@@ -177,7 +188,7 @@ def balanced_part(
     )
     parts = shown(parts, origins / length, seen_from(samples, joints, frame), frame)
     is_open = np.asarray((np.abs(parts[..., 2:]) > OPEN).any(axis=(0, 3)))
-    return parts[..., 0] * unit, parts[..., 1] * unit, balance.mu, is_open
+    return BalancedSamples(parts[..., 0] * unit, parts[..., 1] * unit, balance.mu, is_open)
 
 
 def loads(robot: Model, samples: Samples, outside: np.ndarray) -> tuple[np.ndarray, ...]:

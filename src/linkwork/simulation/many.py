@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import accumulate
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +27,11 @@ from linkwork.simulation.status import Status
 from linkwork.simulation.tableaus import DORMAND_PRINCE, Tableau
 from linkwork.simulation.turns import Turning
 from linkwork.threads import dealt, usable_processors
+
+if TYPE_CHECKING:
+    from linkwork.simulation.lane_events import Occasions
+    from linkwork.simulation.lane_inputs import Signals
+    from linkwork.simulation.lane_watch import LaneSignals
 
 LARGEST_CHUNK = 2048
 CHUNKS_PER_THREAD = 4
@@ -90,17 +96,20 @@ class MemberInputs:
         return replace(self, coefficients=table) if lacking else self
 
     @property
-    def signals(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, bool]:
+    def signals(self) -> "Signals":
         """The signals as the compiled loop follows them."""
-        return (
-            *(self.starts, self.coefficients, self.pieces, self.breaks, self.breaking),
-            self.varies,
+        from linkwork.simulation.lane_inputs import Signals
+
+        return Signals(
+            self.starts, self.coefficients, self.pieces, self.breaks, self.breaking, self.varies
         )
 
     @property
-    def watched(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def watched(self) -> "LaneSignals":
         """The signals as the compiled loop watches them."""
-        return self.starts, self.coefficients, self.pieces, self.bends, self.bending
+        from linkwork.simulation.lane_watch import LaneSignals
+
+        return LaneSignals(self.starts, self.coefficients, self.pieces, self.bends, self.bending)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,15 +123,22 @@ class Occasion:
     events: Events
 
     @property
-    def asked(self) -> tuple[tuple[int, ...], int, np.ndarray, int]:
+    def asked(self) -> "Occasions":
         """What the compiled loop takes."""
+        from linkwork.simulation.lane_events import Occasions
         from linkwork.simulation.lane_happenings import ADDRESS
 
-        alone = self.motion, self.closure, 0, self.events.address, 0, search_for_events()
-        return alone, self.wide, self.events.table, ADDRESS
+        # Numba's loop takes a plain tuple of addresses here.
+        alone: Any = self.motion, self.closure, 0, self.events.address, 0, search_for_events()
+        return Occasions(alone, self.wide, self.events.table, ADDRESS)
 
 
-NO_OCCASION: tuple[tuple[int, ...], int, np.ndarray, int] = (0,) * 6, 0, np.empty((0, 2)), 0
+def none_watched() -> "Occasions":
+    """Return what the compiled loop takes where nothing is watched for."""
+    from linkwork.simulation.lane_events import Occasions
+
+    alone: Any = (0,) * 6
+    return Occasions(alone, 0, np.empty((0, 2)), 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,8 +305,6 @@ def integrate_many(
     forces = forces if occasion is None else forces.cubic
 
     from linkwork.simulation import lanes
-    from linkwork.simulation.lane_events import Occasions
-    from linkwork.simulation.lane_inputs import Signals
 
     # As the compiled loop takes it.
     asked = (
@@ -301,9 +315,9 @@ def integrate_many(
         ),
         lanes.Sizes(tolerance, turning.table[:2].copy()),
         p,
-        Signals(*forces.signals),
-        lanes.LaneSignals(*watched.watched),
-        Occasions(*(NO_OCCASION if occasion is None else occasion.asked)),  # pyright: ignore
+        forces.signals,
+        watched.watched,
+        none_watched() if occasion is None else occasion.asked,
     )
     return _outcomes(asked, given, starts, times, threads or usable_processors(), progress)
 
