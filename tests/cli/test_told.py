@@ -10,8 +10,7 @@ import typer
 
 import linkwork as lw
 from linkwork.cli import app
-from linkwork.cli.motion_commands import MethodOption
-from linkwork.cli.options import files_like, robots_like
+from linkwork.cli.options import files_like, methods_like, robots_like
 from linkwork.cli.terminal import broken, console, plain, table, tidy
 from linkwork.simulation.methods import METHODS
 
@@ -139,7 +138,8 @@ def test_files_that_are_written_are_told_as_plain_data(tmp_path):
 
 
 def test_the_methods_that_may_be_named_are_the_librarys():
-    assert [*MethodOption] == [*METHODS]
+    assert methods_like("") == [*METHODS]
+    assert methods_like("do") == ["dormand_prince", "dop853"]
 
 
 def test_names_and_files_are_completed(tmp_path, monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import linkwork as lw
 from linkwork.runs.ensemble import in_lanes
 from linkwork.simulation import BOGACKI_SHAMPINE, Tableau, methods
 
+from tests.cli.calls import call
 from tests.simulation.test_orders import METHODS as MEASURED
 from tests.sweeps.carts import study
 
@@ -77,3 +79,8 @@ def test_a_pair_that_is_listed_is_named_by_refusals_and_taken_by_studies(robot, 
     with pytest.raises(lw.LinkworkError, match=f"^{NEW} chooses its own steps"):
         robot.simulate(robot.home, duration=0.1, method=NEW, step=0.1)
     assert study(method=NEW).method == NEW
+
+
+def test_a_pair_that_is_listed_is_taken_by_the_command_line(listed):
+    run = "simulate", "double_pendulum", "--duration", 0.1, "--rtol", 1e-5, "--json"
+    assert json.loads(call(*run, "--method", NEW).stdout)["method"] == "Bogacki-Shampine 3(2)"

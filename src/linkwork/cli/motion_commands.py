@@ -14,6 +14,8 @@ from linkwork.cli.options import (
     ReadingOptions,
     RobotName,
     What,
+    method_named,
+    methods_like,
     sharing,
 )
 from linkwork.cli.source import Source
@@ -23,17 +25,6 @@ class Interpolation(StrEnum):
     spline = "spline"
     linear = "linear"
     hold = "hold"
-
-
-class MethodOption(StrEnum):
-    """The methods of `linkwork.simulation.methods`, which need not be imported for help."""
-
-    sharp_smart = "sharp_smart"
-    dormand_prince = "dormand_prince"
-    dop853 = "dop853"
-    rodas = "rodas"
-    rk4 = "rk4"
-    symplectic_euler = "symplectic_euler"
 
 
 class OnSingular(StrEnum):
@@ -121,12 +112,14 @@ def simulate(
         ),
     ] = None,
     method: Annotated[
-        MethodOption | None,
+        str | None,
         typer.Option(
             metavar="METHOD",
+            parser=method_named,
+            autocompletion=methods_like,
             help=(
-                "Of integration: sharp_smart, dormand_prince, dop853, rodas (stiff), rk4 or "
-                "symplectic_euler; left out, chosen by inputs and tolerance."
+                "Of integration, by the name that it has in Python: sharp_smart, rodas (for stiff "
+                "systems), rk4 ...; left out, chosen by inputs and tolerance."
             ),
         ),
     ] = None,
@@ -170,7 +163,7 @@ def simulate(
     target = command.Target(out, overwrite)
     target.check()
     options = {"rtol": rtol, "atol": atol, "on_singular": on_singular.value}
-    options |= {"method": method and method.value, "step": step}
+    options |= {"method": method, "step": step}
     how = command.settings(duration, samples, **options)
     source = Source(robot, reading)
     if status := command.simulate(source, start, load, lead, how, target, json):

@@ -52,6 +52,22 @@ def files_like(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
     return found
 
 
+def methods_like(incomplete: str) -> list[str]:
+    """Return the methods of integration that begin like what was typed."""
+    from linkwork.simulation.methods import METHODS
+
+    return [name for name in METHODS if name.startswith(incomplete)]
+
+
+def method_named(text: str) -> str:
+    """Return the name of a method of integration; refuse what is none. The list of them is not
+    imported for help."""
+    known = methods_like("")
+    if text not in known:
+        raise typer.BadParameter(f"{text!r} is not one of {', '.join(map(repr, known))}.")
+    return text
+
+
 RobotName = Annotated[
     str, typer.Argument(metavar="ROBOT", help=ROBOT_HELP, autocompletion=robots_like)
 ]
