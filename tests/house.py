@@ -27,7 +27,7 @@ WINGS = {
     "stops, contact, sticking": (
         *("boxes", "contact", "elastic", "impact", "limits", "meeting", "sticking", "surfaces"),
     ),
-    "bearings": ("bearing", "bearing_loads", "bearings", "needs", "rubbing"),
+    "bearings": ("bearing", "bearing_loads", "bearings", "needed_wrenches", "rubbing"),
     "fluid": ("fluid",),
     "transmissions": ("cables", "displacements", "transmissions"),
     "refusals": ("admission", "checks", "consistency", "refusal"),
@@ -47,7 +47,7 @@ WINGS = {
             "fixed_results",
             "partitioned_slopes",
             "repeats",
-            "tabled",
+            "chart_tables",
         ),
         *("interpreter", "tape"),
     ),
@@ -70,7 +70,7 @@ WINGS = {
             "modes",
             "passing",
             "path_following",
-            "sides",
+            "leg_sides",
             "task",
         ),
         *("tool_motion", "walking"),
@@ -104,7 +104,7 @@ WINGS = {
     "accounts of runs": (
         *("accuracy", "endings", "fault_sources", "run_record", "runs/quantities", "saved_states"),
         *("stiff_sources", "work"),
-        "undefined",
+        "not_finite",
     ),
     "datasets and files": ("awaited", "run_files", "variables"),
 }

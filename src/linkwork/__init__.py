@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         control,
         design,
         equations,
+        export,
         formats,
         gym,
         jax,

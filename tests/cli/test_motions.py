@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.cli.led import CONTROLLERS, GOALS
+from linkwork.cli.goal_words import CONTROLLERS, GOALS
 from linkwork.cli.measured_words import MeasuredWords
 from linkwork.cli.words import fields, values
 from linkwork.motions.tables import read_columns

@@ -9,7 +9,7 @@ import numpy as np
 
 from linkwork.checks import amount
 from linkwork.cli.catalogue import built, refuse_existing
-from linkwork.cli.led import along, tabled
+from linkwork.cli.goal_words import along, tabled
 from linkwork.cli.source import Source
 from linkwork.cli.start import StartOptions
 from linkwork.cli.terminal import console, facts, patience, show_json, table, tidy

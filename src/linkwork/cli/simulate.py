@@ -12,7 +12,7 @@ import numpy as np
 
 from linkwork.cli.catalogue import built, refuse_existing
 from linkwork.cli.entries import by_name, read_columns
-from linkwork.cli.led import Lead, off_goal
+from linkwork.cli.goal_words import Lead, off_goal
 from linkwork.cli.source import Source
 from linkwork.cli.start import StartOptions
 from linkwork.cli.terminal import console, facts, named, patience, show_json, tidy

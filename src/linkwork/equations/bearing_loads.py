@@ -1,7 +1,7 @@
 """What bearings carry.
 
-The constraints' wrenches follow from what every body needs (`needs`), a joint of the tree carrying
-what the bodies behind it need beyond what closing joints bring, whose multipliers are
+The constraints' wrenches follow from what every body needs (`needed_wrenches`), a joint of the tree
+carrying what the bodies behind it need beyond what closing joints bring, whose multipliers are
 
     Phi_d' lambda = (h(q, w, w') - f - S' u - J' phi)_d
 
@@ -25,7 +25,7 @@ from linkwork.equations.elimination import solve
 from linkwork.equations.equations import Equations
 from linkwork.equations.joints import motions_of
 from linkwork.equations.joints.kind import transversals
-from linkwork.equations.needs import (
+from linkwork.equations.needed_wrenches import (
     bodies_need,
     frames,
     joint_twists,

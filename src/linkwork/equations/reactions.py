@@ -1,5 +1,5 @@
 """What the wrenches in the joints follow from: what every body and every joint's freedoms need
-(`needs`), the friction of bearings included, and where the joints are."""
+(`needed_wrenches`), the friction of bearings included, and where the joints are."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from linkwork.equations import bearings, gears
 from linkwork.equations.algebra import SX
 from linkwork.equations.equations import Equations
 from linkwork.equations.functions import function
-from linkwork.equations.needs import (
+from linkwork.equations.needed_wrenches import (
     bodies_need,
     frames,
     joint_twists,

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from linkwork.export.c_helpers import OWN, used
 from linkwork.export.identifiers import identifier
 from linkwork.export.sines import turn_texts
-from linkwork.export.small import OWN, used
 from linkwork.export.statements import Dialect, functions_text
 from linkwork.export.templates import filled
 from linkwork.kernels.program import trace

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from linkwork.export.small import used
+from linkwork.export.c_helpers import used
 from linkwork.export.statements import TOGETHER, Dialect, Precision
 from linkwork.export.templates import filled
 from linkwork.kernels import elementary

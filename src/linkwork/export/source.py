@@ -8,11 +8,11 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from linkwork.equations.equations import LOST
+from linkwork.export.c_helpers import OWN, used
 from linkwork.export.calls import Call
 from linkwork.export.header import about, prototype, size_of
 from linkwork.export.layout import ArrayLayout
 from linkwork.export.sines import turn_texts
-from linkwork.export.small import OWN, used
 from linkwork.export.statements import Dialect, functions_text
 from linkwork.export.templates import filled
 from linkwork.kernels.program import Program

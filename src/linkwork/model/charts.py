@@ -31,8 +31,8 @@ from linkwork.errors import LinkworkError
 from linkwork.kernels import PAYS, Kernel, compile_function
 from linkwork.kernels.bound import BoundFunction
 from linkwork.mechanism.bearing import bearings
+from linkwork.model.chart_tables import jacobian, tabled
 from linkwork.model.derivations import kept
-from linkwork.model.tabled import jacobian, tabled
 
 KERNELS = (
     "motion",

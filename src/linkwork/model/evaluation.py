@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.errors import LinkworkError
-from linkwork.model import actuation, checks, undefined
+from linkwork.model import actuation, checks, not_finite
 from linkwork.model.chart_transfer import chart_in, reread
 from linkwork.model.directly import LOOKED_AT, shaped
 from linkwork.model.reordering import evaluated
@@ -245,5 +245,5 @@ def require_regular(
     checks.finite(given, what)
     checks.finite(state.rates, "the state's rates")
     if weakest > checks.PIVOT_BOUND:
-        raise undefined.refusal(robot.chart_of(state), state.q)
+        raise not_finite.refusal(robot.chart_of(state), state.q)
     raise checks.singular(state.independent, pivot)

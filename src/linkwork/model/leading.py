@@ -24,8 +24,8 @@ from linkwork.mechanism import Mechanism
 from linkwork.model.asked import ToolAsked, Way
 from linkwork.model.assembly import Assembler, UnreachableError
 from linkwork.model.closing import Approach, Closed, Least, Step, closed
+from linkwork.model.leg_sides import LegSides, side_of
 from linkwork.model.modes import SAMPLES, SPREAD, ModeStages, same
-from linkwork.model.sides import LegSides, side_of
 from linkwork.model.walking import FINEST, FIRST, NEWTON, ROUNDS, Walker
 
 STARTS, ITERATIONS = 48, 40  # random configurations, and Newton's steps from each

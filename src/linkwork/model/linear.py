@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.equations.linear import derivatives
 from linkwork.errors import LinkworkError
-from linkwork.model import actuation, checks, evaluation, undefined
+from linkwork.model import actuation, checks, evaluation, not_finite
 from linkwork.model.charts import CompiledChart
 from linkwork.model.reordering import ordered
 from linkwork.model.state import State
@@ -44,7 +44,7 @@ def evaluated(robot: Model, state: State, u: np.ndarray) -> dict[str, np.ndarray
     if not abs(float(pivot[0, 0])) > checks.PIVOT_BOUND:
         raise checks.singular(state.independent, pivot[0])
     if not np.isfinite(found["accelerations"]).all():
-        raise undefined.refusal(robot.chart_of(state), state.q)
+        raise not_finite.refusal(robot.chart_of(state), state.q)
     return found
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from linkwork.model.charts import CompiledChart
-from linkwork.model.undefined import in_motion
+from linkwork.model.not_finite import in_motion
 from linkwork.runs.passage import Segment
 from linkwork.runs.system import System
 

@@ -166,21 +166,18 @@ def measure(motion, method, signals, factor, tables):
         load(now, STEP),
         splat(0.0),
     )
-    # The state there, and its slope by the equations of motion.
     interpolate(method, tables, x)
     for lane in range(LANES):
         if now[LIVE, lane] > 0:
             time = now[TIME, lane] + now[THETA, lane] * now[STEP, lane]
             force(signals, signal_of(signals, tally[ROW, lane]), time, True, x, n, lane, tally)
     call_wide(motion, x, k, stages * (n + 1))
-    # The weights of the dense output's own slope.
     for i in range(stages):
         weight, power = splat(0.0), splat(1.0)
         for m in range(method.degree):
             weight = weight + splat(m + 1.0) * power * splat(method.dense[m * padded(stages) + i])
             power = power * theta
         store(weights, i, weight)
-    # The defect, in tolerances.
     for m in range(n):
         slope = splat(0.0)
         for i in range(stages):
@@ -191,6 +188,7 @@ def measure(motion, method, signals, factor, tables):
         total = total + ratio * ratio
     store(sample, 0, splat(factor) * (root(total / splat(float(n))) / splat(method.blur)))
     for lane in range(LANES):
+        # The defect, in tolerances, of those that want it.
         if now[WANTED, lane] > 0:
             judge_defect(lane, stages * (n + 1) + n, tables)
 

@@ -69,7 +69,6 @@ class HeldMembers:
             np.zeros((NUMBERS, stride)),
             np.zeros(stride, np.intp),
         )
-        # Views of it, member by member, which users see.
         herd.p[:, :N] = batch.p.T
         if len(batch.p) > 1:
             self._batch = replace(batch, p=herd.p[:, :N].T)

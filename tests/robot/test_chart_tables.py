@@ -14,7 +14,7 @@ from linkwork.equations.chart_choice import relative_pivots
 from linkwork.kernels import PAYS, kernel
 from linkwork.kernels.program import Program
 from linkwork.model import charts
-from linkwork.model.tabled import tabled, varying
+from linkwork.model.chart_tables import tabled, varying
 from linkwork.runs.system import system
 from linkwork.simulation import partitioned
 from linkwork.simulation.compiled import compiled_once
