@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import prod
+from typing import NamedTuple
 
 import numpy as np
 
@@ -61,13 +62,11 @@ def charts_at(
     for rows, members in alike(np.sort(kept)):
         for independent, places in alike(choose_independents(held[:, :, members], preferred, WELL)):
             at = members[places]
-            for groups, stages, determinants, usual in orders(
-                equations, Phi[at], rows, independent
-            ):
-                sound = np.flatnonzero((np.abs(determinants) > NOISE * usual).all(axis=1))
-                for scales, same in alike(scales_of(determinants[sound], usual)):
-                    chart = chart_of(stages, scales, rows, independent, Phi.shape[2])
-                    found.append((at[groups[sound[same]]], chart))
+            for order in orders(equations, Phi[at], rows, independent):
+                sound = np.flatnonzero(order.sound.all(axis=1))
+                for scales, same in alike(scales_of(order.determinants[sound], order.usual)):
+                    chart = chart_of(order.stages, scales, rows, independent, Phi.shape[2])
+                    found.append((at[order.which[sound[same]]], chart))
     return found
 
 
@@ -139,26 +138,40 @@ def chart_in(
         or smallest_singular(solved, count) <= least * equations.smallest
     ):
         return None
-    ((_, stages, determinants, usual),) = orders(equations, Phi[None], rows, independent)
-    if (np.abs(determinants[0]) <= NOISE * usual).any():
+    (order,) = orders(equations, Phi[None], rows, independent)
+    if (~order.sound).any():
         return None
-    return chart_of(
-        stages, scales_of(determinants, usual)[0].tolist(), rows, independent, Phi.shape[1]
-    )
+    scales = scales_of(order.determinants, order.usual)[0].tolist()
+    return chart_of(order.stages, scales, rows, independent, Phi.shape[1])
+
+
+class EliminationOrder(NamedTuple):
+    """Hold an order of elimination: for which configurations (G), its blocks by stages, their
+    determinants there (G x blocks), and the usual sizes of these (blocks)."""
+
+    which: np.ndarray
+    stages: list[tuple[Block, ...]]
+    determinants: np.ndarray
+    usual: np.ndarray
+
+    @property
+    def sound(self) -> np.ndarray:
+        """Which determinants are no rounding errors (G x blocks)."""
+        return np.abs(self.determinants) > NOISE * self.usual
 
 
 def orders(
     equations: Equations, Phi: np.ndarray, rows: Sequence[int], independent: Sequence[int]
-) -> Iterator[tuple[np.ndarray, list[tuple[Block, ...]], np.ndarray, np.ndarray]]:
-    """Yield the orders of elimination for configurations: which, blocks, their determinants there
-    and their usual sizes."""
+) -> Iterator[EliminationOrder]:
+    """Yield the orders of elimination for configurations (G)."""
     units = equations.rows.units, equations.tree.rate_units
     for groups, stages, found in choose_orders(
         equations.rows.pattern, equations.natural(Phi)[:, None], rows, independent
     ):
         blocks = [block for stage in stages for block in stage]
         determinants = found * [unit_of(block, units) for block in blocks]
-        yield groups, stages, determinants, np.array([size(equations, block) for block in blocks])
+        usual = np.array([size(equations, block) for block in blocks])
+        yield EliminationOrder(groups, stages, determinants, usual)
 
 
 def size(equations: Equations, block: Block) -> float:
