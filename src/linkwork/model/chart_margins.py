@@ -145,7 +145,6 @@ def independent_rates(bases, preferred, chosen):
         left[k] = max(left[k], 0.0)
         roots[k] = math.sqrt(left[k])
         least[k] = (WELL * max(roots[k], WELL)) ** 2
-    # Rate by rate, the preferred ones first.
     for step in range(len(preferred) + n):
         if count == n:
             break
