@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from linkwork.kernels import Kernel, compile_function, from_python
+from linkwork.kernels import Kernel, KernelError, compile_function, from_python
 from linkwork.kernels.from_python import AskedOutputs, Columns, Direct, direct
 
 A, B = np.array([0.3, -1.2, 2.5]), np.array([0.7, -0.4])
@@ -78,6 +78,57 @@ def test_results_come_in_a_tuple_of_arrays(kernel, way):
             assert array.tobytes(order) == part.tobytes() and array.flags[f"{order}_CONTIGUOUS"]
         assert call(A, np.array([0.2, 1.0])) is None
         assert call(A, np.array([1.0, 0.0])) is None
+
+
+def test_what_python_collects_may_call_the_same(kernel):
+    """Python looks for garbage as it makes a tuple, and tells others so, who may call what makes
+    it."""
+    call = direct(kernel, (3, 2), CONSTANT, AskedOutputs(0, SHAPES, 1e-3))
+    wanted = [part.tobytes() for part in call(A, B)]
+    told: list[int] = []
+
+    def meddle(phase: str, _: object) -> None:
+        told.append(len(call(2 * A, B)) if phase == "start" and len(told) < 1000 else 0)
+
+    limits = gc.get_threshold()
+    gc.callbacks.append(meddle)
+    gc.set_threshold(1)
+    try:
+        found = [call(A, B) for _ in range(100)]  # as many tuples, none of which is let go
+    finally:
+        gc.set_threshold(*limits)
+        gc.callbacks.remove(meddle)
+    assert max(told) == len(SHAPES)
+    assert all([part.tobytes() for part in parts] == wanted for parts in found)
+
+
+def test_calls_of_a_kernel_go_straight_into_its_code(monkeypatch):
+    """Where there is code, plain vectors take the shortest way; all others give the same bits and
+    sentences as where the code is not asked for yet."""
+    a, b = ca.SX.sym("a", 3), ca.SX.sym("b", 2)
+    f = ca.Function("straight", [a, b], [ca.exp(a) * b[0], ca.sqrt(b)], ["a", "b"], ["y", "z"])
+    new, used = compile_function(f), compile_function(f)
+    assert used.address and used.flat(A, A[:2]).size == 5
+    given, positive = used.given([0.7, 0.4]), np.array([0.7, 0.4])
+    given(A)
+    with monkeypatch.context() as only_straight:
+        only_straight.setattr(Kernel, "_one", property(lambda _: pytest.fail("a longer way")))
+        for y, z in (used(A, positive), given(A), given(A.tolist()), given(A, positive)):
+            np.testing.assert_allclose(y, np.exp(A) * 0.7, rtol=1e-14)
+            np.testing.assert_allclose(z, np.sqrt(positive), rtol=1e-14)
+        flat = used.flat(A, positive)
+        assert flat.flags.owndata and flat.tolist() == [*y, *z]
+    # A result that is no number, other types, a list, a vector with gaps, a stack.
+    for x, y in ((A, B), (A.astype("f4"), B), (A, [0.7, 0.4]), (A[::-1], B), (A[None], B)):
+        for one, other in zip(new(x, y), used(x, y), strict=True):
+            np.testing.assert_array_equal(one, other)
+    for wrong in ((A, A), (A,), (A, B, B), (A, 3.0)):
+        told = []
+        for each in (new, used):
+            with pytest.raises(KernelError) as error:
+                each(*wrong)
+            told.append(str(error.value))
+        assert told[0] == told[1]
 
 
 def test_lists_and_tuples_of_numbers_are_taken(kernel):

@@ -25,18 +25,15 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, cached_property
 from itertools import accumulate
 from math import isfinite, prod
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from linkwork.kernels.compile import Code, shared_code
 from linkwork.kernels.machine import this_machine
-
-if TYPE_CHECKING:
-    from linkwork.kernels.kernel import Kernel
 
 Direct = Callable[..., Any]  # an array, or a tuple of them, or None
 DOUBLE, NDARRAY, NEW = np.dtype(np.float64), 2, 93  # of NumPy's C-API
@@ -47,11 +44,24 @@ HEAD = (
     *("kernel", "apart", "arguments", "x", "y", "watch", "bound"),
     *("first", "looked", "together", "results"),
 )
+SHORT = 20_000  # operations, some 10 us, for which no other thread need be let in
 RESULT = "count", "dimensions", "rows", "columns", "order"  # of one array
+NONE = np.empty(0)
 PLAIN = 0x101  # NumPy's flags of an array without gaps, aligned
 _ONE = ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
 Shape = tuple[int, ...]  # of at most two dimensions
 Arrays = Shape | tuple[Shape, ...]  # one array, or a tuple of them, one behind the other in memory
+
+
+class Addressed(Protocol):
+    """A kernel: where its code for one state is, and how many numbers that gives."""
+
+    n_out: int
+
+    @cached_property
+    def address(self) -> int:
+        """Return the address of void(const double *in, double *out)."""
+        ...
 
 
 class Columns(tuple[int, ...]):
@@ -85,7 +95,7 @@ class Ends(NamedTuple):
 
 
 def direct(
-    kernel: Kernel, sizes: Sequence[int], constants: np.ndarray, results: AskedOutputs
+    kernel: Addressed, sizes: Sequence[int], constants: np.ndarray, results: AskedOutputs
 ) -> Direct:
     """Return a function of vectors (size), which are, with the constants after them, the kernel's
     inputs; it returns new arrays, or None where it does not take them or doubts the results.
@@ -127,6 +137,18 @@ def call_of(
     table[told:start] = [word for result in results for word in result]
     numbers[HEAD.index("bound")] = ends.bound
     return interface.make(ctypes.addressof(interface.method), table, None)
+
+
+def all_outputs(f: int, sizes: Sequence[int], shape: Arrays, *kept: object) -> Direct:
+    """Return a function of vectors (size) that calls the one at an address; it returns all outputs,
+    in new arrays, or None where it does not take the vectors, or the last output is no number.
+
+    kept: what lives as long
+    """
+    y = np.empty(sum(map(prod, shapes_of(shape)[0])))
+    out = y.ctypes.data
+    ends = Ends(out, out, shape, out + 8 * (y.size - 1), -1.0, finite=False)
+    return (y.size and call_of(f, sizes, NONE, ends, y, *kept)) or left_to_others
 
 
 def shapes_of(shape: Arrays) -> tuple[tuple[Shape, ...], bool]:
@@ -218,7 +240,7 @@ def _reads(array: np.ndarray) -> bool:
 
 
 def _by_ctypes(
-    kernel: Kernel, sizes: Sequence[int], constants: np.ndarray, results: AskedOutputs
+    kernel: Addressed, sizes: Sequence[int], constants: np.ndarray, results: AskedOutputs
 ) -> Direct:
     """Return the same call in Python's own words."""
     call, (first, shape, bound) = _ONE(kernel.address), results
@@ -290,12 +312,26 @@ entry:
 {_word("arguments")}{_word("x", "ptr")}{_word("y", "ptr")}
   %sizes = getelementptr i64, ptr %table, i64 {len(HEAD)}
   %fits = icmp eq i64 %given, %arguments
-  br i1 %fits, label %next, label %refuse
+  br i1 %fits, label %begin, label %none
+
+; A tuple for several arrays comes before all else: as it is made, what Python collects may call the
+; same function.
+begin:
+{_word("together")}
+  %is.alone = icmp eq i64 %together, 0
+  br i1 %is.alone, label %start, label %gather
+gather:
+  %tuple = call ptr @PyTuple_New(i64 %together)
+  %is.room = icmp ne ptr %tuple, null
+  br i1 %is.room, label %start, label %out
+start:
+  %held = phi ptr [ null, %begin ], [ %tuple, %gather ]
+  br label %next
 
 ; Argument by argument: its numbers behind those of the one before.
 next:
-  %k = phi i64 [ 0, %entry ], [ %k.next, %taken ]
-  %to = phi ptr [ %x, %entry ], [ %to.next, %taken ]
+  %k = phi i64 [ 0, %start ], [ %k.next, %taken ]
+  %to = phi ptr [ %x, %start ], [ %to.next, %taken ]
   %all = icmp eq i64 %k, %arguments
   br i1 %all, label %evaluate, label %argument
 argument:
@@ -428,18 +464,12 @@ judge:
 
 ; The results: an array, or a tuple of so many.
 answer:
-{_word("together")}{_word("results", "ptr")}
-  %is.alone = icmp eq i64 %together, 0
-  br i1 %is.alone, label %make, label %gather
-gather:
-  %tuple = call ptr @PyTuple_New(i64 %together)
-  %is.room = icmp ne ptr %tuple, null
-  br i1 %is.room, label %make, label %out
+{_word("results", "ptr")}
+  br label %make
 make:
-  %held = phi ptr [ null, %answer ], [ %tuple, %gather ], [ %held, %more ]
-  %r = phi i64 [ 0, %answer ], [ 0, %gather ], [ %r.next, %more ]
-  %asked = phi ptr [ %results, %answer ], [ %results, %gather ], [ %asked.next, %more ]
-  %from = phi ptr [ %first, %answer ], [ %first, %gather ], [ %from.next, %more ]
+  %r = phi i64 [ 0, %answer ], [ %r.next, %more ]
+  %asked = phi ptr [ %results, %answer ], [ %asked.next, %more ]
+  %from = phi ptr [ %first, %answer ], [ %from.next, %more ]
 {_word("count", "i64", RESULT, "asked")}{_word("dimensions", "i32", RESULT, "asked")}
 {_word("order", "i32", RESULT, "asked")}
   %rows = getelementptr i64, ptr %asked, i64 {RESULT.index("rows")}
@@ -476,6 +506,11 @@ failed:
   call void @PyErr_Clear()
   br label %refuse
 refuse:
+  br i1 %is.alone, label %none, label %empty
+empty:
+  call void @Py_DecRef(ptr %held)
+  br label %none
+none:
   call void @Py_IncRef(ptr @none)
   ret ptr @none
 }}

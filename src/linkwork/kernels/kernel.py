@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from linkwork.kernels.emit import ABREAST, Kind
+from linkwork.kernels.from_python import SHORT, Direct, all_outputs, left_to_others
 from linkwork.kernels.interpreter import LONG, PAYS, Interpreted, found_or_told
 from linkwork.kernels.listing import kept_count, listing
 from linkwork.kernels.machine import this_machine
@@ -26,7 +27,6 @@ _ALIGNMENT = 64
 FEWEST = 2000  # states that are worth a thread
 SCATTERED = 10_000  # states, one by one, that take as long as compiling code for many
 WORTH = 5_000  # evaluations of one state, asked for one by one, that are worth compiling for
-_DOUBLE = np.dtype(np.float64)
 
 
 def compile_function(
@@ -109,6 +109,8 @@ class Kernel:
         self._shapes = tuple((size,) for _, size in self.inputs)
         self._last: NDArray[np.float64] | None = None
         self._scattered = 0
+        self._straight: Direct = left_to_others
+        self._straight_flat: Direct = left_to_others
 
     def given(self, last: ArrayLike) -> "Kernel":
         """Return this kernel, with values for its last input that calls take where they leave it
@@ -189,6 +191,8 @@ class Kernel:
         """
         if self._last is not None and len(arrays) == len(self.inputs) - 1:
             arrays = (*arrays, self._last)
+        if (found := self._straight(*arrays)) is not None:
+            return found
         if len(arrays) != len(self.inputs):
             raise KernelError(
                 f"Kernel '{self.name}' takes {len(self.inputs)} arrays ({self._names()}), not "
@@ -209,6 +213,8 @@ class Kernel:
         parts: vectors that are, one after the other, all inputs (n_in,).  Raises KernelError where
         their length does not fit.
         """
+        if (found := self._straight_flat(*parts)) is not None:
+            return found
         _, (y, y_address, _) = self._buffers.one
         x = _joined(parts)
         if len(x) != 8 * self.n_in:
@@ -245,6 +251,7 @@ class Kernel:
         """Evaluate one state: interpreted, until code is there or worth compiling."""
         told = self._told()
         if told is None or "one" in self._modules:
+            self._go_straight()
             return _ONE(self.address)
         call, left = _ONE(told.address), WORTH
 
@@ -253,9 +260,17 @@ class Kernel:
             call(x, y)
             left -= 1
             if left <= 0 or "one" in self._modules:
-                self._one = _ONE(self.address)
+                self._module("one")
+                self.__dict__.pop("_one", None)
 
         return counted
+
+    def _go_straight(self) -> None:
+        """Have calls of one state go straight into the code from now on, if it is short."""
+        if (module := self._module("one")).operations <= SHORT:
+            sizes, rows = [size for _, size in self.inputs], tuple((n,) for _, n in self.outputs)
+            self._straight = all_outputs(self.address, sizes, rows, module)
+            self._straight_flat = all_outputs(self.address, sizes, (self.n_out,), module)
 
     def _told(self) -> Interpreted | None:
         """Return the tape of this function, but where its code was found or is made of another."""
@@ -424,17 +439,8 @@ def _parted(
 def _joined(parts: tuple[NDArray[np.float64], ...]) -> bytes:
     """Return the doubles of vectors, one after the other; nothing where one of them is no
     vector."""
-    for part in parts:
-        if part.ndim != 1:
-            return b""
-        if part.dtype != _DOUBLE:
-            break
-    else:
-        try:
-            return b"".join(parts)  # pyright: ignore[reportArgumentType]
-        except TypeError:  # a vector with gaps
-            pass
-    return b"".join([np.asarray(part, np.float64).tobytes() for part in parts])
+    vectors = all(part.ndim == 1 for part in parts)
+    return b"".join([np.asarray(part, np.float64).tobytes() for part in parts] if vectors else [])
 
 
 def _aligned(size: int) -> NDArray[np.float64]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from linkwork.kernels import Kernel
 from linkwork.kernels.from_python import (
+    SHORT,
     Arrays,
     AskedOutputs,
     Columns,
@@ -29,7 +30,6 @@ from linkwork.model import checks
 from linkwork.model.charts import CompiledChart
 from linkwork.model.state import State
 
-SHORT = 20_000  # operations, some 10 us, for which no other thread need be let in
 Form = Literal["number", "vector", "matrix", "symmetric"]
 FORMS: dict[str, tuple[Form, ...]] = {
     "actuation": ("matrix",),
