@@ -348,6 +348,10 @@ class JointsAsked:
 
     @property
     def names(self) -> tuple[str, ...]:
+        return self._names
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
         return tuple(f"{name}: coordinate" for name in self.what)
 
     def expressed(self, equations: Equations) -> Rows:

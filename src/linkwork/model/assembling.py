@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,10 +39,10 @@ def assemble(
     start, asked = start_of(robot, guess).q, None
     if branch not in BRANCHES:
         raise LinkworkError(f"branch is {branch!r}; give {' or '.join(map(repr, BRANCHES))}")
-    if isinstance(joints, Mapping) and tool is None:
+    if tool is None and isinstance(joints, Mapping):
         names, values = asked_of(robot, joints)
-        asked = [robot.coordinates.index(name) for name in names], values
         q = at_joints(robot, names, values, start)
+        asked = robot.joints_asked(names).places, values
     elif tool is not None and joints is None:
         asked_tool, values = task.asked(robot, tool)
         q = led(robot.leader_of_tool(asked_tool, kept=branch == "guess"), start, values)
@@ -52,6 +53,9 @@ def assemble(
 
 def asked_of(robot: Model, joints: Mapping[str, ArrayLike]) -> tuple[tuple[str, ...], np.ndarray]:
     """Return the names of joint coordinates and their values (..., names)."""
+    if all([type(value) is float and isfinite(value) for value in joints.values()]):
+        checks.known(joints, robot.coordinates, "joint")
+        return tuple(joints), np.array([*joints.values()], float)
     parts = {name: checks.finite(value, f"joint {name!r}") for name, value in joints.items()}
     checks.known(parts, robot.coordinates, "joint")
     needed = robot.mobility - len(robot.spins)
@@ -114,10 +118,11 @@ def wound(robot: Model, made: State, guess: State, asked: Placed = None) -> Stat
     if not labels.may_wind:
         return made
     kept = made.positions
-    if guess is not robot.home:
-        kept = labels.turned(kept, np.broadcast_to(robot.windings(guess), kept.shape))
+    if guess is not robot.home and np.count_nonzero(turns := robot.windings(guess)):
+        kept = labels.turned(kept, np.broadcast_to(turns, kept.shape))
     goal = np.where(labels.jumps, guess.positions, kept)
     if asked is not None:
         places, values = asked
         goal[..., places] = values
-    return with_positions(made, labels.nearest(made.positions, goal))
+    told = labels.nearest(made.positions, goal)
+    return made if told is made.positions else with_positions(made, told)

@@ -67,7 +67,7 @@ class Leader:
             q, there = walker.walked(start, y[0])
         else:
             q, there = self.approached(start[None].repeat(len(y), axis=0), y)
-        if there.all():
+        if np.count_nonzero(there) == len(q):
             return q
         left = np.flatnonzero(~there)
         q[left], there, mode = self.led(start, y[left], q if walker else None)

@@ -265,12 +265,13 @@ def values_directly(robot: Model, task: Task) -> DirectCalls:
 def asked(robot: Model, tool: ArrayLike | Mapping[str, ArrayLike]) -> tuple[ToolAsked, np.ndarray]:
     """Return what is asked of the tool, as numbers or by name, and the held values (..., k)."""
     robot.require_tool()
-    if isinstance(tool, Mapping):
+    if not isinstance(tool, np.ndarray) and isinstance(tool, Mapping):
         names = checks.names(tool, "tool")
         if not names:
             raise LinkworkError("the tool is asked for nothing; give coordinates by name")
         values, told = checks.joined(tool, names, "tool"), asked_of(robot, len(names), names)
     else:
-        values = np.atleast_1d(checks.finite(tool, "tool"))
+        values = checks.finite(tool, "tool")
+        values = values if values.ndim else values[None]
         told = robot.once(asked_of, values.shape[-1])
     return told, told.given(values)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import isfinite
+from math import copysign, isfinite
 
 import casadi as ca
 import numpy as np
@@ -43,9 +43,9 @@ class Walker:
         """Return how far the straight way to what is asked (rows) leads from a start (nq), on its
         mode: q (1, nq), and whether to its end (1)."""
         begun, last = self.contracted(start, y)
-        mode = self.modes.told(self.parts(begun)).tolist()
+        mode = [copysign(1.0, part) if abs(part) > FLAT else 0.0 for part in self.parts(begun)]
         if last is not None and self.fits(last, mode):
-            return last[None, : start.size], np.ones(1, bool)
+            return last[None, : start.size], np.array([True])
         q, part, length = start, 0.0, FIRST
         for _ in range(ROUNDS):
             aim = min(1.0, part + length)
@@ -61,9 +61,10 @@ class Walker:
     def contracted(self, q: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         """Return what the first of Newton's steps tells, and what the last one does; None for that
         where they do not contract (`closing.closed`)."""
+        step, p = self.approach.kernel.flat, self.approach.p
         size, longest, begun = q.size, LONGEST, None
         for _ in range(NEWTON):
-            told = self.approach.kernel.flat(q, y, self.approach.p)
+            told = step(q, y, p)
             begun = told if begun is None else begun
             q, residual, length = told[:size], told.item(size), told.item(size + 1)
             near = residual <= CLOSED
@@ -78,18 +79,19 @@ class Walker:
     def fits(self, told: np.ndarray, mode: list[float]) -> bool:
         """Tell whether frames face each other where a step began, and no determinant is against the
         signs of a mode."""
-        if not told.item(self.size + CONDITIONS - 1) >= 0:
+        if not told.item(self.first - 1) >= 0:
             return False
-        signed = zip(self.parts(told).tolist(), mode, strict=True)
-        return not any(part * sign < -FLAT for part, sign in signed)
+        signed = zip(self.parts(told), mode, strict=True)
+        return not any([part * sign < -FLAT for part, sign in signed])
 
-    def parts(self, told: np.ndarray) -> np.ndarray:
+    def parts(self, told: np.ndarray) -> list[float]:
         """Return the determinants (stages) relative to their sizes where a step began."""
-        return told[self.size + CONDITIONS :] / self.approach.sizes
+        return (told[self.first :] / self.approach.sizes).tolist()
 
     @cached_property
-    def size(self) -> int:
-        return self.chart.equations.nq
+    def first(self) -> int:
+        """Return where the determinants begin in what a step tells."""
+        return self.chart.equations.nq + CONDITIONS
 
     @cached_property
     def way(self) -> Kernel:

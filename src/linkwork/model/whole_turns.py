@@ -15,6 +15,7 @@ import numpy as np
 
 from linkwork.equations import cut_coordinates
 from linkwork.equations.topology import counting
+from linkwork.kernels import Kernel
 from linkwork.model.labels import Labels
 
 
@@ -109,9 +110,13 @@ class TurnedLabels(Labels):
         The latter is positive, in the mechanism's own units, and leaves out whole turns that act on
         nothing. A quaternion may have any length and either sign.
         """
-        compared = self.chart.compiled("compared", lambda _: self.comparison)
-        windings, mismatch = compared(given, read)
+        windings, mismatch = self.comparing(given, read)
         return windings, mismatch
+
+    @cached_property
+    def comparing(self) -> Kernel:
+        """The kernel of `comparison`."""
+        return self.chart.compiled("compared", lambda _: self.comparison)
 
     @property
     def comparison(self) -> ca.Function:
@@ -141,7 +146,7 @@ class TurnedLabels(Labels):
 
     def turned(self, read: np.ndarray, windings: np.ndarray) -> np.ndarray:
         """Return coordinates (..., m) that are read off the tree's with whole turns added."""
-        if not self.may_wind or not windings.any():
+        if not self.may_wind or not np.count_nonzero(windings):
             return read
         ahead = read + 2 * np.pi * windings
         return (
@@ -151,10 +156,13 @@ class TurnedLabels(Labels):
     def nearest(self, read: np.ndarray, positions: np.ndarray) -> np.ndarray:
         """Return coordinates (..., m) that are read off the tree's with the whole turns of
         others."""
-        near = not self.may_wind or (
-            not self.quaternions and np.abs(positions - read).max(initial=0.0) < np.pi
-        )
-        return read if near else self.turned(read, self.windings(positions, read))
+        if not self.may_wind:
+            return read
+        if not self.quaternions:
+            away = np.abs(positions - read)
+            if np.count_nonzero(away < np.pi) == away.size:
+                return read
+        return self.turned(read, self.windings(positions, read))
 
     def unwrapped(self, time: np.ndarray, positions: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """Return coordinates of all joints over time (..., K, m) without the jumps that
