@@ -16,6 +16,7 @@ from linkwork.kernels.machine import this_machine
 from benchmarks import (
     accuracy,
     analysis,
+    calls,
     catalogue,
     control,
     ensemble,
@@ -70,6 +71,7 @@ PAGES: Mapping[str, Sections] = {
         "trajectories": lambda _: trajectories.run(),
     },
     "analysis": {
+        "calls": lambda _: calls.run(),
         "modes": lambda _: analysis.modes(),
         "workspace": lambda _: analysis.maps(),
         "legs": lambda _: legs.run(),

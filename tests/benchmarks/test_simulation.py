@@ -12,6 +12,7 @@ from linkwork.simulation import native_rosenbrock
 
 from benchmarks import (
     analysis,
+    calls,
     control,
     learning,
     legs,
@@ -187,6 +188,14 @@ def test_a_map_has_as_many_poses_as_it_says():
     section = analysis.maps(along=8, rounds=1)
     assert "512 poses" in section.figures[0].what
     assert 0.02 < section.raw["reached"] < 0.98
+
+
+def test_calls_at_one_state_are_timed_for_both_robots():
+    section = calls.run(rounds=1, states=4, stack=16)
+    assert len(values(section.figures)) == 8
+    assert len(listed(section)) == 17
+    assert all(float(cell) > 0 for _, *cells in listed(section) for cell in cells)
+    json.dumps(section.raw)
 
 
 def test_calls_of_legs_are_timed_one_by_one_and_in_stacks():

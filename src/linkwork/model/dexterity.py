@@ -15,7 +15,9 @@ Source: Gosselin & Angeles, J. Mech. Design 113 (1991) 220-226; Angeles 2014, se
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,16 +48,26 @@ class Allowed:
     X: np.ndarray
     units: np.ndarray
 
+    @cached_property
+    def parts(self) -> tuple[np.ndarray, ...]:
+        """S, U and V' of X = U S V': singular values (K, r) and vectors (K, k, r), (K, r, n)."""
+        U, values, V = np.linalg.svd(self.X, full_matrices=False)
+        return values, U, V
+
     @property
     def led(self) -> np.ndarray:
         """Which configurations (K) are not leg-singular."""
-        values = np.linalg.svd(self.X, compute_uv=False)
+        values = self.parts[0]
         return values[:, -1] > LOST * np.maximum(values[:, 0], 1.0)
 
     @property
     def K(self) -> np.ndarray:
-        """K (K, a, k) of q' = K x'."""
-        return self.Q @ np.linalg.pinv(self.X, rcond=LOST) / self.units
+        """K (K, a, k) of q' = K x', by the pseudo-inverse V S^+ U' of X."""
+        values, U, V = self.parts
+        kept = values > LOST * values[:, :1]
+        inverse = np.divide(1.0, values, where=kept, out=np.zeros(values.shape))
+        X_inverse = V.swapaxes(1, 2) @ (inverse[..., None] * U.swapaxes(1, 2))
+        return self.Q @ X_inverse / self.units
 
 
 def actuated(robot: Model) -> tuple[str, ...]:
@@ -64,29 +76,70 @@ def actuated(robot: Model) -> tuple[str, ...]:
     return robot.actuators if enough else robot.independent
 
 
+@dataclass(frozen=True, eq=False)
+class MotionRows:
+    """Hold what stays the same of the rows that tell what allowed motions do.
+
+    least, asked: by which [Phi; J] is told
+    kept, heights: the closure rows that are held, and their own units as a column
+    widths: the mechanism's own units of the tree's rates as a column
+    J: the actuated rates of the tree's (a, nv), where these are the independent ones; driven: their
+        places among the rates of all joints, None of transmissions
+    units: in which the actuated rates are told, as a column
+    """
+
+    least: Least
+    asked: ToolAsked
+    kept: slice | list[int]
+    heights: np.ndarray
+    widths: np.ndarray
+    J: np.ndarray | None
+    driven: list[int] | None
+    units: np.ndarray
+
+    @classmethod
+    def of(cls, robot: Model, task: Task, own: bool) -> MotionRows:
+        """Return those of a task; own: whether the actuated rates are told in the mechanism's own
+        units, too."""
+        tree, rows, names = robot.equations.tree, robot.equations.rows, actuated(robot)
+        asked = ToolAsked(task, tree.length, robot.planar)
+        least = Least(robot.kernel("assembly"), tree, rows.units, asked, ModeStages())
+        held = [*robot.equations.chart.rows]
+        kept = slice(None) if held == [*range(len(rows.names))] else held
+        of_each = [tree.length if own and robot.unit(name) == "m" else 1.0 for name in names]
+        units, J, driven = np.array(of_each)[:, None], None, None
+        if names == robot.independent:
+            J = np.eye(len(tree.rates))[[tree.rates.index(name) for name in names]] / units
+        elif not robot.mechanism.transmissions:
+            driven = [robot.rates.index(name) for name in names]
+        heights, widths = rows.units[kept][:, None], tree.rate_units[:, None]
+        return cls(least, asked, kept, heights, widths, J, driven, units)
+
+    def actuated(self, out: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the rows (K or none, a, nv) of the actuated rates in their units."""
+        if self.J is not None:
+            return self.J
+        if self.driven is None:
+            return out["J_actuated"] / self.units
+        return out["J_coordinates"][:, self.driven] / self.units
+
+
 def allowed(
     robot: Model, q: np.ndarray, task: Task, p: np.ndarray | None = None, own: bool = False
 ) -> Allowed:
     """Return what allowed motions do at configurations (K, nq); own: the actuated rates, too, in
     the mechanism's own units."""
-    tree, rows = robot.equations.tree, robot.equations.rows
-    asked = ToolAsked(task, tree.length, robot.planar)
-    least = Least(robot.kernel("assembly"), tree, rows.units, asked, ModeStages())
-    out = least.outputs(q) if p is None else least.outputs(q, p)
-    kept = list(robot.equations.chart.rows)
-    Phi = out["Phi"][:, kept] * tree.rate_units / rows.units[kept][:, None]
-    N = np.linalg.svd(Phi)[2][:, len(kept) :].swapaxes(1, 2) if kept else np.eye(len(tree.rates))
-    Z, names = tree.rate_units[:, None] * N, actuated(robot)
-    if names == robot.independent:
-        J = np.eye(len(tree.rates))[[tree.rates.index(name) for name in names]]
-    elif robot.mechanism.transmissions:
-        J = out["J_actuated"]
+    rows: MotionRows = robot.once(MotionRows.of, task, own)
+    out = rows.least.outputs(q) if p is None else rows.least.outputs(q, p)
+    if len(rows.heights):
+        Phi = out["Phi"][:, rows.kept] * rows.widths[:, 0] / rows.heights
+        N = np.linalg.svd(Phi)[2][:, len(rows.heights) :].swapaxes(1, 2)
     else:
-        J = out["J_coordinates"][:, [robot.rates.index(name) for name in names]]
-    units = [tree.length if own and robot.unit(name) == "m" else 1.0 for name in names]
-    X = asked.jacobian(out) @ Z if task else np.zeros((len(q), 0, Z.shape[-1]))
-    Q = np.broadcast_to(J / np.array(units)[:, None] @ Z, (len(q), len(names), Z.shape[-1]))
-    return Allowed(Q, X / asked.units[:, None], asked.units)
+        N = np.eye(len(rows.widths))[None].repeat(len(q), axis=0)
+    Z = rows.widths * N
+    X = rows.asked.jacobian(out) @ Z if task else np.zeros((len(q), 0, Z.shape[-1]))
+    units = rows.asked.units
+    return Allowed(rows.actuated(out) @ Z, X / units[:, None], units)
 
 
 def scales(robot: Model, task: Task, length: float) -> tuple[np.ndarray, np.ndarray]:
@@ -130,7 +183,7 @@ def conditioning(robot: Model, q: np.ndarray, p: np.ndarray | None = None) -> np
         seen = np.linalg.svd(allowed(robot, q, (), p, own=True).Q, compute_uv=False)
         return np.minimum(1.0, seen[:, freedoms(robot) - 1])
     found = allowed(robot, q, task, p)
-    x, driven = scales(robot, task, robot.once(characteristic_length, task))
+    x, driven = robot.once(scales, task, robot.once(characteristic_length, task))
     values = np.linalg.svd(found.K / x * driven[:, None], compute_uv=False)
     ratio = values[:, len(task) - 1] / np.maximum(values[:, 0], 1e-300)
     return np.where(found.led & (ratio > LOST), ratio, 0.0)

@@ -8,7 +8,7 @@ of its angular velocity.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -32,30 +32,55 @@ def passed(
 ) -> tuple[str, ...]:
     """Return one sentence for each limit that coordinates (..., m) and rates of joints (..., r)
     pass, with the time (K,) [s] where it first happens; of rates none if these are left out."""
-    flat = positions.reshape(-1, positions.shape[-1])
-    found = []
-    for label, limits, name in limited(robot.mechanism):
-        place = robot.coordinates.index(label)
-        values, size = flat[:, place], robot.labels.sizes[place]
-        if name.endswith(f".{TURN}"):
-            values = 2 * np.arccos(np.clip(np.abs(values), 0, 1))
-        for bound, sign, side in (
-            (limits.lower, -1, "below its lower"),
-            (limits.upper, 1, "above its upper"),
-        ):
-            if bound is None:
-                continue
-            beyond = sign * (values - bound) > ROUNDING * max(size, abs(bound))
-            if beyond.any():
-                when = "" if time is None else f" from t = {time[int(np.argmax(beyond))]:.6g} s on"
-                worst = values[beyond][np.argmax(sign * values[beyond])]
-                found.append(f"{name} is {side} limit {bound:g}{when}: it reaches {worst:.6g}")
+    bounds: Bounds = robot.once(bounds_of)
+    values = positions.reshape(-1, positions.shape[-1])[:, bounds.places]
+    if bounds.turning.any():
+        turns = np.abs(values[:, bounds.turning])
+        values[:, bounds.turning] = 2 * np.arccos(np.clip(turns, 0, 1))
+    all_beyond, found = bounds.signs * (values - bounds.values) > bounds.rounding, []
+    for k in np.flatnonzero(np.count_nonzero(all_beyond, axis=0)):
+        beyond, own = all_beyond[:, k], values[:, k]
+        when = "" if time is None else f" from t = {time[int(np.argmax(beyond))]:.6g} s on"
+        worst = own[beyond][np.argmax(bounds.signs[k] * own[beyond])]
+        found.append(f"{bounds.said[k]}{when}: it reaches {worst:.6g}")
     return (*found, *too_fast(robot, rates, time)) if rates is not None else tuple(found)
+
+
+class Bounds(NamedTuple):
+    """Hold the bounds of coordinates one by one: places of these, which are qw of free turns, the
+    bounds with their signs (1: upper, -1: lower) and rounding, and what is said beyond them."""
+
+    places: np.ndarray
+    turning: np.ndarray
+    values: np.ndarray
+    signs: np.ndarray
+    rounding: np.ndarray
+    said: list[str]
+
+
+def bounds_of(robot: Model) -> Bounds:
+    """Return the bounds of a robot's coordinates."""
+    found, said = [], []
+    for label, limits, name in limited(robot.mechanism):
+        place, turning = robot.coordinates.index(label), name.endswith(f".{TURN}")
+        size = robot.labels.sizes[place]
+        sides = (limits.lower, -1.0, "below its lower"), (limits.upper, 1.0, "above its upper")
+        for bound, sign, side in sides:
+            if bound is not None:
+                found.append((place, turning, bound, sign, ROUNDING * max(size, abs(bound))))
+                said.append(f"{name} is {side} limit {bound:g}")
+    places, turning, values, signs, rounding = np.array(found, float).reshape(-1, 5).T
+    return Bounds(places.astype(int), turning > 0, values, signs, rounding, said)
+
+
+def speeds_of(robot: Model) -> tuple[tuple[tuple[str, ...], float, str], ...]:
+    """Return what has a limit of speed, as `speed_limited` yields it."""
+    return tuple(speed_limited(robot.mechanism))
 
 
 def too_fast(robot: Model, rates: np.ndarray, time: np.ndarray | None) -> Iterator[str]:
     """Yield one sentence for each limit of speed that rates of joints (..., r) pass."""
-    for labels, bound, name in speed_limited(robot.mechanism):
+    for labels, bound, name in robot.once(speeds_of):
         own = rates[..., [robot.rates.index(label) for label in labels]]
         speeds = np.linalg.norm(own, axis=-1).ravel()
         beyond = speeds > bound * (1 + SLIPPED)

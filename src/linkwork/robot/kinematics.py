@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.gradients import derivatives
-from linkwork.mechanism.limits import speed_limited
 from linkwork.mechanism.task import TaskCoordinate, labels
 from linkwork.model import dexterity, evaluation, limits, task
 from linkwork.model.labels import POSES
@@ -219,5 +218,5 @@ class Kinematics(Model):
         at a run's saved times, and for each rate that is above its own."""
         if isinstance(state, Run):
             return passed_limits(self, state)
-        own, fast = self.own(state), any(speed_limited(self.mechanism))
+        own, fast = self.own(state), self.once(limits.speeds_of)
         return limits.passed(self, own.positions, self.joint_rates(own) if fast else None)
