@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from linkwork.kernels.emit import ABREAST, Kind
-from linkwork.kernels.from_python import SHORT, Direct, all_outputs, left_to_others
+from linkwork.kernels.from_python import SHORT, all_outputs, left_to_others
 from linkwork.kernels.interpreter import LONG, PAYS, Interpreted, found_or_told
 from linkwork.kernels.listing import kept_count, listing
 from linkwork.kernels.machine import this_machine
@@ -109,8 +109,7 @@ class Kernel:
         self._shapes = tuple((size,) for _, size in self.inputs)
         self._last: NDArray[np.float64] | None = None
         self._scattered = 0
-        self._straight: Direct = left_to_others
-        self._straight_flat: Direct = left_to_others
+        self._straight = self._straight_flat = left_to_others
 
     def given(self, last: ArrayLike) -> "Kernel":
         """Return this kernel, with values for its last input that calls take where they leave it

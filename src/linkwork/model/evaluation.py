@@ -188,7 +188,10 @@ def internal_forces(robot: Model, state: State, weights: np.ndarray | None = Non
             "internal forces are those of one state, not of a stack; take one by state.at(index)"
         )
     units, W = own_units(robot, state), 1.0 if weights is None else weights
-    B = actuation.internal_forces(units.map(actuation_map(robot, state)), W / units.actuators**2)
+    S = actuation_map(robot, state)
+    if state.independent == robot.actuators:
+        return np.zeros((len(S), 0))  # S = 1
+    B = actuation.internal_forces(units.map(S), W / units.actuators**2)
     return B / units.actuators[:, None]
 
 

@@ -148,9 +148,8 @@ def transmitted(
         gears={name: mu[:, k].reshape(batch) for k, name in enumerate(robot.mechanism.gears)},
         frame=frame,
         indeterminate={
-            name: tuple(np.array(COMPONENTS)[row].tolist())
-            for name, row in zip(network.joints, is_open, strict=True)
-            if row.any()
+            network.joints[k]: tuple(np.array(COMPONENTS)[is_open[k]].tolist())
+            for k in np.flatnonzero(np.count_nonzero(is_open, axis=1))
         },
         length=length,
     )

@@ -38,7 +38,7 @@ def undoubted(robot: Model, given: Any, tolerance: float, threads: int) -> Told 
     equations = robot.equations
     if equations.topology.added:
         return None
-    q, read, gap, mismatch = reading(robot)(given, robot.p, threads=threads)
+    q, read, gap, mismatch = robot.once(reading)(given, robot.p, threads=threads)
     closed = gap.max() <= min(CLOSED, tolerance)
     return Told(q, read) if closed and mismatch.max() <= 10 * tolerance else None
 
