@@ -23,7 +23,7 @@ from linkwork.equations.operators import SX
 Number = float | ca.SX
 Vector = np.ndarray | ca.SX
 Drawn = Callable[..., ca.SX]
-ROUNDING = 1e-15
+ROUNDING = 1e-14  # that files of CAD and products of some ten rotations have: up to 7e-15
 
 
 @cache
