@@ -53,7 +53,7 @@ WINGS = {
     ),
     # How code becomes quick, and is kept.
     "quick deriving": ("operators",),
-    "fewer operations": ("fused", "regrouping", "simplify", "turned_inertia"),
+    "fewer operations": ("fused", "hinge_axes", "regrouping", "simplify", "turned_inertia"),
     "sines and cosines": ("angles", "elementary"),
     "stacks of states": ("dense", "stacks", "stored_states", "transposed"),
     "calls from Python": ("directly", "from_python"),

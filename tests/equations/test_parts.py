@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from linkwork.equations import derive, functions
-from linkwork.equations.algebra import SX
+from linkwork.equations.algebra import SX, quaternion_matrix
 from linkwork.equations.chart import choose_chart
 from linkwork.equations.elimination import solve, weakest
 from linkwork.equations.independence import choose_independent, independent_rows
@@ -98,6 +98,32 @@ def test_parallel_axes_add_their_angles():
     operations = [counted.instruction_id(k) for k in range(counted.n_instructions())]
     assert operations.count(ca.OP_SIN) == 1
     assert operations.count(ca.OP_COS) == 1
+
+
+def test_hinges_that_are_parallel_on_a_body_that_moves_freely_move_as_in_a_plane():
+    """None of their axes is one of the base's: two have the same axes, as SciPy's rotations do."""
+    p, angles = SX.sym("p", 4), SX.sym("angle", 4)
+    quaternion, values = np.array([0.4, -0.2, 0.8, 0.4]), np.array([0.7, -1.1, 0.3, 1.9])
+    tilted, flipped = (Rotation.from_rotvec(v) for v in ([0.3, -0.5, 0.4], [np.pi, 0, 0]))
+    x, z = np.eye(3)[0], np.eye(3)[2]
+    skew = np.array([0.6, 0.0, 0.8])
+    pelvis = Orientation.identity().then_matrix(quaternion_matrix(p))
+    pelvis = pelvis.then_constant(tilted.as_matrix())
+    turns = [(Rotation.identity(), z), (flipped, z), (Rotation.identity(), x), (flipped, skew)]
+    hips = [
+        pelvis.then_constant(R.as_matrix()).then_turn(axis, angles[k])
+        for k, (R, axis) in enumerate(turns)
+    ]
+    assert hips[0].axes is hips[1].axes is not hips[2].axes
+    first, second = (np.array(hip.axis) for hip in hips[:2])
+    assert np.array_equal(first, second) and np.count_nonzero(first) == 1
+    base = Rotation.from_quat(quaternion, scalar_first=True) * tilted
+    for k, (hip, (R, axis)) in enumerate(zip(hips, turns, strict=True)):
+        found = np.array(ca.Function("R", [p, angles], [hip.matrix])(quaternion, values))
+        wanted = base * R * Rotation.from_rotvec(values[k] * axis)
+        assert np.abs(found - wanted.as_matrix()).max() < 1e-14
+        shin = hip.then_turn(axis, angles[0])
+        assert shin.axes is hip.axes
 
 
 def arm(off: float) -> Mechanism:

@@ -8,7 +8,8 @@ with a constant unit axis and a constant right factor, which may hold free numbe
 components in the node's `Axes` into the ground's. A further turn about a parallel axis only adds to
 the angle; in a planar mechanism every body then costs one sine and one cosine, and all vectors are
 written in the ground's axes. A turn about any other axis starts new axes, those of the body before
-it: there its own axis is constant, and what hangs on it again moves as in a plane.
+it: there its own axis is constant, and what hangs on it again moves as in a plane. So does what
+hangs on a body that moves freely (`hinge_axes`).
 """
 
 from __future__ import annotations
@@ -20,18 +21,19 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations.algebra import SX, Vector, constant, present, skew, snap, turn_matrix, zero
+from linkwork.equations.hinge_axes import LAST, PARALLEL, hinge_axes
 
-PARALLEL = 1e-12
 NO_TURN = np.eye(3).tobytes()
 
 
 @dataclass(frozen=True, eq=False)
 class Axes:
     """Hold axes in which vectors are written: `turn` (3 x 3) leads from components in them to the
-    parent's."""
+    parent's; beside: those that turn against them by constants (`hinge_axes`)."""
 
     parent: Axes | None
     turn: ca.SX
+    beside: dict[bytes, Axes] = field(default_factory=dict, repr=False)
 
     @cached_property
     def depth(self) -> int:
@@ -125,7 +127,10 @@ class Orientation:
         if isinstance(turned, SX):
             return Orientation(Axes(self.axes, self.near), snap(axis), angle, np.eye(3))
         if not self.axis.any():
-            return Orientation(self.axes, turned, angle, self.right).then_constant(np.eye(3))
+            if self.axes.parent is None or np.count_nonzero(turned) == 1:
+                return Orientation(self.axes, turned, angle, self.right).then_constant(np.eye(3))
+            of = hinge_axes(self.axes, self.axes.beside, self.right, axis, Axes)
+            return Orientation(of.axes, LAST, of.sign * angle, of.right).then_constant(np.eye(3))
         for sign in (1, -1):
             if np.linalg.norm(turned - sign * self.axis) < PARALLEL:
                 return Orientation(self.axes, self.axis, self.angle + sign * angle, self.right)
