@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from linkwork import LinkworkError, SingularError, analysis
-from linkwork.analysis.loop_map import weakest_of
+from linkwork.analysis.loop_map import function, watched, weakest_of
 
 from tests.analysis.legs import ankle, crank_angle, floating_knee, knee, two_knees
 from tests.catalogue import built
@@ -226,6 +226,31 @@ def test_stacks_take_vectors_that_go_with_them(model, moving):
     for wrong, said in ((u, r"\[5, 1\] is nan"), (u[:7], "batches .* do not fit")):
         with pytest.raises(LinkworkError, match=said):
             model.joint_torques(moving, wrong)
+
+
+def test_rates_of_the_motors_are_read_without_eliminating_the_loops_again(model, moving):
+    """By J, as the elimination in the robot's own rates gives them."""
+    own = model.compiled.rates(moving)
+    assert own == pytest.approx(model.joint_rates(moving, moving.rates), abs=1e-12)
+    given = {"joint_bias": own, "jacobian_rate": own.take(model.compiled.places, axis=-1)}
+    for name, rates in given.items():
+        wanted = model.compiled.found(name, moving, rates)
+        found = model.compiled.of_state[name](moving)
+        assert found.reshape(wanted.shape) == pytest.approx(wanted, rel=1e-11, abs=1e-12)
+        home = model.robot.chart.equations
+        counted = [
+            f.n_instructions() for f in (watched(model.map, name, home), function(model.map, name))
+        ]
+        assert counted[0] < counted[1] + 60
+
+
+def test_rates_that_do_not_determine_those_of_the_joints_are_doubted():
+    """At a dead point the motor's rate says nothing of the knee's: the short way gives nothing."""
+    model = analysis.actuation(knee(), ["hip", "knee"], ["hip", "motor"])
+    state = at_a_dead_point(analysis.actuation(knee(), ["knee"], ["motor"]))
+    for name in ("joint_bias", "jacobian_rate"):
+        assert model.compiled.of_state[name](model.robot.home) is not None
+        assert model.compiled.of_state[name](state.with_rates([0.1, 0.0])) is None
 
 
 def test_inertia_and_bias_at_the_motors_follow_from_those_at_the_joints(model, moving):

@@ -6,6 +6,7 @@ inverted by its cofactors.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -90,35 +91,24 @@ class LoopMap:
         return sorted(moved | {column % equations.nv for column in acting} | {*rows.get_col()})
 
     @cached_property
-    def blocks(self) -> list[tuple[list[int], list[int]]]:
-        """Rows and columns of the blocks of J; a block of other numbers of each is singular."""
-        graph = nx.Graph()
-        k = len(self.joints)
-        graph.add_nodes_from([("row", i) for i in range(k)] + [("column", i) for i in range(k)])
-        for i, j in zip(*self.J.sparsity().get_triplet(), strict=True):
-            graph.add_edge(("row", i), ("column", j))
-        return [
-            tuple(sorted(i for kind, i in part if kind == side) for side in ("row", "column"))  # pyright: ignore
-            for part in nx.connected_components(graph)
-        ]
-
-    @cached_property
     def inverse(self) -> tuple[ca.SX, ca.SX]:
         """J^-1, and the least determinant of a block in own units."""
         found, least = SX(len(self.joints), len(self.joints)), SX(np.inf)
-        for rows, columns in self.blocks:
+        for rows, columns in blocks(self.J):
             if len(rows) != len(columns):
                 return SX.zeros(*found.shape), SX(0)
             block = self.J[rows, columns]
             small = len(rows) <= COFACTORS
             found[columns, rows] = ca.inv_minor(block) if small else ca.inv(block)
-            units = np.prod(self.units(self.joints)[columns]) / np.prod(
-                self.units(self.motors)[rows]
-            )
-            least = ca.fmin(least, ca.fabs(ca.det(block)) * units)
+            names = [self.joints[k] for k in columns], [self.motors[k] for k in rows]
+            least = ca.fmin(least, ca.fabs(ca.det(block)) * self.unit(*names))
         return found, least
 
-    def units(self, names: tuple[str, ...]) -> np.ndarray:
+    def unit(self, columns: Sequence[str], rows: Sequence[str]) -> float:
+        """Return the own unit of a determinant of rates by others."""
+        return float(np.prod(self.units(columns)) / np.prod(self.units(rows)))
+
+    def units(self, names: Sequence[str]) -> np.ndarray:
         """Return the own units of joint rates: the mechanism's length of slides, 1 of turns."""
         mechanism = self.equations.mechanism
         angular = {
@@ -129,12 +119,18 @@ class LoopMap:
 
     @cached_property
     def turning(self) -> tuple[ca.SX, ca.SX]:
-        """Rates w of the joints (k), as symbols, and J' for them."""
-        w = SX.sym("given", len(self.joints))
-        v = SX.zeros(self.equations.mobility)
-        v[self.places] = w
-        rates = ca.mtimes(self.equations.elimination.L, v)
-        return w, derivative(self.J, self.equations.tree, rates)
+        """Rates w of the joints (k), as symbols, and J' for them. With rows R of the motors' rates,
+        J = R L and Phi L = 0 give
+
+            J' = R' L + R L',    Phi L' = -Phi' L
+        """
+        equations, w = self.equations, SX.sym("given", len(self.joints))
+        L, Phi = ca.sparsify(equations.elimination.L[:, self.places]), equations.rows.Phi
+        R, rates = equations.joints.rate_rows(self.motors), ca.densify(ca.mtimes(L, w))
+        turned, bent = (ca.sparsify(derivative(A, equations.tree, rates)) for A in (R, Phi))
+        X, _ = solve(equations.chart, Phi, -ca.densify(ca.mtimes(bent, L)))
+        bending = equations.scatter(X, SX.zeros(equations.mobility, len(self.joints)))
+        return w, ca.mtimes(turned, L) + ca.mtimes(R, bending)
 
     @cached_property
     def M(self) -> ca.SX:
@@ -210,6 +206,46 @@ def function(of: LoopMap, name: str) -> ca.Function:
     return functions.function(name, equations, outputs, **inputs)
 
 
+def blocks(matrix: ca.SX) -> list[tuple[list[int], list[int]]]:
+    """Return rows and columns of the blocks of a matrix; a block of other numbers of each is
+    singular."""
+    graph = nx.Graph()
+    for side, count in zip(("row", "column"), matrix.shape, strict=True):
+        graph.add_nodes_from((side, i) for i in range(count))
+    for i, j in zip(*ca.sparsify(matrix).sparsity().get_triplet(), strict=True):
+        graph.add_edge(("row", i), ("column", j))
+    return [
+        tuple(sorted(i for kind, i in part if kind == side) for side in ("row", "column"))  # pyright: ignore
+        for part in nx.connected_components(graph)
+    ]
+
+
+def reread(
+    of: LoopMap, rates: Equations, needed: set[int], asked: list[int]
+) -> tuple[ca.SX, ca.SX]:
+    """Return the map's rates v that are needed, by those of other equations of the same tree, and
+    what vanishes where these do not determine them.
+
+    Rows of L give those by these, in small blocks as J has: solved for v, they spare the
+    elimination of the loops that move the tree's rates `asked` in the other order.
+    """
+    own, v = of.equations, SX.zeros(of.equations.mobility)
+    S = own.elimination.L[list(rates.chart.independent), :]
+    read = [(rows, columns) for rows, columns in blocks(S) if needed & {*columns}]
+    if any(len(rows) != len(columns) or len(rows) > COFACTORS for rows, columns in read):
+        v = tree_rates(rates)[list(own.chart.independent)]
+        return v, ca.fabs(weakest_of(rates, asked))
+    loops = {rates.chart.independent[row] for rows, _ in read for row in rows} - {*asked}
+    least = ca.fabs(weakest_of(own, sorted(loops)))
+    for rows, columns in read:
+        determinant = ca.det(S[rows, columns])
+        v[columns] = ca.mtimes(ca.adj(S[rows, columns]), rates.v[rows]) / determinant
+        if not determinant.is_constant():
+            names = (own.independent[k] for k in columns), (rates.independent[k] for k in rows)
+            least = ca.fmin(least, ca.fabs(determinant) * of.unit(*map(tuple, names)))
+    return v, least
+
+
 def tree_rates(equations: Equations) -> ca.SX:
     """Return w = L v (nv), the loops solved for this one right side instead of for L."""
     Phi_a = equations.rows.Phi[:, list(equations.chart.independent)]
@@ -244,8 +280,10 @@ def watched(of: LoopMap, name: str, rates: Equations | None = None) -> ca.Functi
     if rates is not None and given is not None:
         v = rates.v
         if rates.independent != equations.independent:
-            v = tree_rates(rates)[list(equations.chart.independent)]
-            pivot = ca.fmin(pivot, ca.fabs(weakest_of(rates, asked)))
+            places = [*range(v.numel())] if name in BY_RATES else of.places
+            needed = {places[k] for k in ca.jacobian_sparsity(result, given).get_col()}
+            v, other = reread(of, rates, needed, asked)
+            pivot = ca.fmin(pivot, other)
         result = ca.substitute(result, given, v if name in BY_RATES else v[of.places])
         inputs = {"v": rates.v}
     least, total = SX.sym("least"), ca.sum1(ca.vec(ca.densify(result)))
