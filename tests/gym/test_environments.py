@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import linkwork as lw
@@ -89,6 +90,49 @@ def test_seeds_give_the_same_episodes_whoever_runs_beside():
     assert (told(Environments(process, 7), drawn, 12)[0] != seven[0]).any()
     again = Environments(process, 7)
     assert (again.reset()[0] != again.reset()[0]).any()
+
+
+@pytest.mark.parametrize(("name", "mode"), sampled(tuple(READY), tuple(AutoresetMode)[:2]))
+def test_blocks_of_lanes_do_what_one_does(name, mode):
+    """Where as many robots as lanes stand side by side, as where a single one fills them up."""
+    count, seed, own = 40, 7, (0, 17, 39)
+    options = {"max_episode_steps": 15, "autoreset_mode": mode}
+    many = Environments(READY[name](), count, threads=1, **options)
+    alone = [Environments(READY[name](), 1, **options) for _ in own]
+    begun = many.reset(seed=seed)[0]
+    for i, one in zip(own, alone, strict=True):
+        np.testing.assert_array_equal(one.reset(seed=seed + i)[0][0], begun[i])
+    for action in actions(many, 40):
+        told = many.step(action)
+        for i, one in zip(own, alone, strict=True):
+            for expected, found in zip(one.step(action[[i]])[:4], told[:4], strict=True):
+                np.testing.assert_array_equal(found[i], expected[0])
+
+
+def test_what_is_drawn_is_the_stream_of_each_environments_generator():
+    """Over more episodes than are drawn for at a time."""
+    process, count, episodes = reaching(), 3, 150
+    envs = Environments(process, count, max_episode_steps=1, autoreset_mode="SameStep")
+    goals = [envs.reset(seed=4)[0][:, :3].copy()]
+    still = np.zeros((count, 3))
+    goals += [envs.step(still)[0][:, :3].copy() for _ in range(episodes - 1)]
+    low, high = np.array([*process.draws.values()]).T
+    for i in range(count):
+        stream = np_random(4 + i)[0].random((episodes, 4))[:, :3]
+        np.testing.assert_allclose(np.array(goals)[:, i], low + stream * (high - low), 0, 1e-12)
+
+
+def test_what_is_returned_stays_as_it_is():
+    """A later step writes to no array that was returned before."""
+    envs = Environments(reaching(), 20, max_episode_steps=3, autoreset_mode="SameStep")
+    kept = [envs.reset(seed=0)[0]]
+    before = [kept[0].copy()]
+    for action in actions(envs, 7):
+        *arrays, infos = envs.step(action)
+        kept += [*arrays, *(row for row in infos.get("final_obs", ()) if row is not None)]
+        before += [each.copy() for each in kept[len(before) :]]
+    for array, copied in zip(kept, before, strict=True):
+        np.testing.assert_array_equal(array, copied)
 
 
 def test_episodes_without_seeds_differ():

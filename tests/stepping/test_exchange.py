@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork import control
+from linkwork import control, math
 from linkwork.robots import pendulum, prr3
+from linkwork.stepping.native_readings import ReadingTables
 
 from tests.stepping.test_steppers import DT, N, require_alike, spread
 
@@ -41,6 +42,54 @@ def test_readings_say_what_functions_of_the_state_do(robot):
     many.read(some, [3, 20])
     np.testing.assert_array_equal(some[[3, 20]], found[[3, 20]])
     assert (some[[0, 4]] == 7).all()
+    turned = np.zeros((len(READINGS), N)).T
+    assert many.read(turned) is turned
+    np.testing.assert_array_equal(turned, found)
+
+
+@pytest.mark.parametrize("first", [0, 3, 9, 12])
+def test_steps_tell_what_readings_say_after_them(robot, first):
+    """In rows and columns, of members that change charts, stay where they are, or have ended."""
+    laws = [
+        *READINGS,
+        *(lambda t, state, i=i: state.tool_velocity[i % 3] * (1 + i) for i in range(9)),
+    ]
+    states, u = spread(robot)
+    many, other = (robot.stepper(states, DT, readings=laws, threads=1) for _ in range(2))
+    told = ReadingTables(np.full((N, first), np.nan), np.full((12 - first, N), np.nan))
+    idle, going = np.array([3, 17, 36]), np.ones(N, bool)
+    going[idle] = False
+    for steppers in (many, other):
+        steppers.u[:] = u
+    for _ in range(80):
+        assert many.step_and_tell(told, 2, idle=idle)
+        other.step(steps=2, index=going)
+        expected = other.read()
+        np.testing.assert_array_equal(told.rows, expected[:, :first])
+        np.testing.assert_array_equal(told.columns, expected[:, first:].T)
+    assert len({many.independent(member) for member in range(N)}) > 1
+    np.testing.assert_array_equal(many.y, other.y)
+    # A member that ends keeps the state before, of which it is told, and from then on.
+    for steppers in (many, other):
+        steppers.v[5] = np.nan
+    for _ in range(2):
+        assert many.step_and_tell(told, 1, idle=idle)
+        other.step(index=going)
+        np.testing.assert_array_equal(told.rows, other.read()[:, :first])
+    assert many.status[5] == lw.Status.NON_FINITE
+
+
+def test_steps_tell_whether_all_readings_are_finite(robot):
+    states, _ = spread(robot)
+    law = [lambda t, state: math.log(0.0025 - t)]
+    many = robot.stepper(states, DT, readings=law, threads=1)
+    told = ReadingTables(np.empty((N, 1)), np.empty((0, N)))
+    assert [many.step_and_tell(told, 1, idle=np.array([0])) for _ in range(3)] == [
+        True,
+        True,
+        False,
+    ]
+    np.testing.assert_array_equal(np.isfinite(told.rows[:, 0]), np.arange(N) == 0)
 
 
 def test_readings_of_coordinates_tell_whole_turns():
@@ -69,6 +118,8 @@ def test_members_are_put_where_others_are_and_go_on_as_these(robot):
     others.step(steps=100)
     for mine, other in ((0, 20), (3, 20), (49, 8)):
         require_alike(many, others.alone(other), mine)
+    many.put(others, slice(1, 9, 3), slice(30, 36, 2))
+    np.testing.assert_array_equal(many.y[[1, 4, 7]], others.y[[30, 32, 34]])
 
 
 def test_a_member_that_ended_goes_on_where_it_is_put(robot):

@@ -5,30 +5,33 @@ from __future__ import annotations
 
 import numpy as np
 
-EPISODES = 16  # for which an environment draws at a time
+EPISODES = 64  # for which an environment draws at a time
 
 
 class Draws:
-    """Hand out so many numbers within 0 and 1 for an episode of any of N environments.
+    """Hold numbers within bounds for the episodes to come of N environments.
 
     What an environment is given depends on its own generator alone, neither on its neighbours nor
     on when these begin their episodes.
+
+    Attributes:
+        numbers: (N, EPISODES, count), of the episodes to come; next: which of them is the next one
+            of each environment (N,).
     """
 
-    def __init__(self, generators: list[np.random.Generator], count: int):
+    def __init__(self, generators: list[np.random.Generator], bounds: np.ndarray):
         self.generators = generators
-        self._numbers = np.empty((len(generators), EPISODES, count))
-        self._next = np.full(len(generators), EPISODES)
+        self._least, self._span = bounds[:, 0], bounds[:, 1] - bounds[:, 0]
+        self.numbers = np.empty((len(generators), EPISODES, len(bounds)))
+        self.next = np.full(len(generators), EPISODES)
 
     def renew(self, index: int, generator: np.random.Generator) -> None:
         """Let an environment draw from another generator from now on."""
-        self.generators[index], self._next[index] = generator, EPISODES
+        self.generators[index], self.next[index] = generator, EPISODES
 
-    def take(self, who: np.ndarray) -> np.ndarray:
-        """Return numbers (M, count) for the next episodes of some environments."""
-        for i in who[self._next[who] == EPISODES].tolist():
-            self.generators[i].random(out=self._numbers[i])
-            self._next[i] = 0
-        found = self._numbers[who, self._next[who]]
-        self._next[who] += 1
-        return found
+    def fill(self, who: np.ndarray) -> None:
+        """Draw anew for those of some environments whose numbers are used up."""
+        for i in who[self.next[who] == EPISODES].tolist():
+            drawn = self.generators[i].random(self.numbers.shape[1:])
+            self.numbers[i] = self._least + drawn * self._span
+            self.next[i] = 0

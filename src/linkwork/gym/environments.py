@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, NoReturn
 
@@ -16,10 +16,13 @@ from numpy.typing import ArrayLike
 from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.gym.draws import Draws
+from linkwork.gym.native_episodes import Drawing, act, begin, conclude
 from linkwork.gym.process import OBSERVATION, REWARD, TERMINATION, DecisionProcess
 from linkwork.model.state import State
 from linkwork.runs.members import allowed
 from linkwork.simulation import Status
+from linkwork.simulation.compiled import entry_of
+from linkwork.stepping.native_readings import ReadingTables
 from linkwork.stepping.steppers import Steppers
 
 REASONS = {
@@ -29,6 +32,7 @@ REASONS = {
     Status.EVENT: "a cable would leap to another side of a surface, with energy",
 }
 """Why an episode was cut off where its robot could not be stepped on."""
+ACT, BEGIN, CONCLUDE = entry_of(act), entry_of(begin), entry_of(conclude)
 
 
 class Environments(VectorEnv):
@@ -96,14 +100,14 @@ class Environments(VectorEnv):
         self._starts = steppers_of(process, starts, 1)
         self._robots = steppers_of(process, stacked(starts.at(0), self.num_envs), threads)
         self._places = places(process, self._robots)
-        low, high = np.array([*process.draws.values(), (0.0, 1.0)], float).T
-        self._least, self._span = low, high - low
-        self._actions = [self._robots.parameters[name] for name in process.action_names]
+        self._drawn = np.array([*process.draws.values(), (0.0, 1.0)], float)  # bounds
+        self._actions = self._robots.parameter_rows(process.action_names)
         # Episodes: random numbers, steps so far, and which are over.
         self._draws: Draws | None = None
         self._steps = np.zeros(self.num_envs, int)
         self._over = np.ones(self.num_envs, bool)
-        self._read = np.zeros((self.num_envs, process.observed + 2))
+        self._used = np.zeros(self.num_envs, int)
+        self._told = np.zeros((2, self.num_envs))  # rewards and terminations
 
     def __reduce__(self) -> NoReturn:
         raise LinkworkError(
@@ -141,8 +145,12 @@ class Environments(VectorEnv):
         who = self._masked(given.get("reset_mask"))
         instead = self._instead(given.get("draws"), who.size)
         self._seed(seed, who)
-        self._begin(who, instead)
-        return self._readings()[:, :-2].copy(), {}
+        assert self._draws is not None
+        self._draws.fill(who)
+        for column, numbers in instead.items():
+            self._draws.numbers[who, self._draws.next[who], column] = numbers
+        self._begin(who)
+        return self._observe(np.empty((self.num_envs, self.process.observed))), {}
 
     def step(
         self, actions: ArrayLike
@@ -161,33 +169,30 @@ class Environments(VectorEnv):
             LinkworkError: actions that do not fit or are not finite, before anything happens;
                 functions of the process that are not finite at a state that was reached.
         """
-        robots, over = self._robots, np.flatnonzero(self._over)
-        if over.size and (self._draws is None or self._mode is AutoresetMode.DISABLED):
+        robots, begun = self._robots, np.flatnonzero(self._over)
+        if begun.size and (self._draws is None or self._mode is AutoresetMode.DISABLED):
             raise LinkworkError(
-                f"the episode of environment {over[0]} has not begun, or is over; reset it before "
+                f"the episode of environment {begun[0]} has not begun, or is over; reset it before "
                 "its next step"
             )
         self._act(actions)
-        if over.size:
-            going = ~self._over
-            self._begin(over)
-            robots.step(steps=self.process.substeps, out=robots.y, index=going)
-        else:
-            robots.step(steps=self.process.substeps, out=robots.y)
-        # What the robots came to; those that began anew took no action.
-        read = self._readings()
-        self._steps += 1
-        failed = robots.status != 0
-        rewards, terminations = read[:, -2].copy(), read[:, -1] != 0
-        truncations = (self._steps >= self._horizon) | failed
-        if over.size:
-            self._steps[over] = 0
-            rewards[over], terminations[over], truncations[over] = 0.0, False, False
-        self._over = terminations | truncations
-        infos = self._reasons(failed) if failed.any() else {}
+        if begun.size:
+            self._begin(begun)
+        # What the robots come to; those that begin anew take no action.
+        N = self.num_envs
+        seen, rewards = np.empty((N, self.process.observed)), np.empty(N)
+        terminations, truncations = np.empty(N, bool), np.empty(N, bool)
+        told = ReadingTables(seen, self._told)
+        if not robots.step_and_tell(told, self.process.substeps, idle=begun):
+            self._require_finite(told)
+        failed = CONCLUDE(
+            self._told, begun, self._horizon, robots.herd, self._steps,
+            rewards, terminations, truncations, self._over,
+        )  # fmt: skip
+        infos = self._reasons(robots.status != 0) if failed else {}
         if self._mode is AutoresetMode.SAME_STEP and self._over.any():
-            infos = self._finish(infos)
-        return self._read[:, :-2].copy(), rewards, terminations, truncations, infos
+            infos = self._finish(seen, infos)
+        return seen, rewards, terminations, truncations, infos
 
     def render(self) -> tuple[np.ndarray, ...]:  # pyright: ignore
         """Return a picture of each robot, (height, width, 3) numbers from 0 to 255.
@@ -217,32 +222,31 @@ class Environments(VectorEnv):
     def _act(self, actions: ArrayLike) -> None:
         """Take actions over, cut to their bounds; refuse those that do not fit."""
         try:
-            given = np.asarray(actions).astype(float, casting="same_kind")
+            given = np.asarray(actions).astype(float, "C", "same_kind")
         except (TypeError, ValueError):
             given = np.empty(0)
         if given.shape != self.action_space.shape:
             what = f"of shape {given.shape}" if given.size else checks.shown(actions)
             raise LinkworkError(f"actions are {what}; give numbers {self.action_space.shape}")
-        if not np.isfinite(given).all():
+        if ACT(given, self._limits, self._robots.herd, self._actions):
             i = np.argwhere(~np.isfinite(given))[0, 0]
             raise LinkworkError(
                 f"the action of environment {i} is {given[i].tolist()}; give finite numbers"
             )
-        for row, values, (low, high) in zip(self._actions, given.T, self._limits, strict=True):
-            np.clip(values, low, high, out=row)
 
-    def _begin(self, who: np.ndarray, instead: Mapping[int, np.ndarray] | None = None) -> None:
-        """Begin episodes of some environments, at starts and with numbers that are drawn; instead:
-        others, by their columns."""
+    def _begin(self, who: np.ndarray) -> None:
+        """Begin episodes of some environments, at starts and with numbers that are drawn."""
         assert self._draws is not None
-        chosen = self._draws.take(who)
-        values = self._least + chosen * self._span
-        for column, numbers in (instead or {}).items():
-            values[:, column] = numbers
-        self._robots.put(self._starts, who, (chosen[:, -1] * len(self._starts)).astype(int))
-        for place, numbers in zip(self._places, values.T, strict=False):
-            place[who] = numbers
-        self._steps[who], self._over[who] = 0, False
+        robots, starts, draws = self._robots, self._starts, self._draws
+        states, parameters = self._places
+        drawing = Drawing(draws.numbers, draws.next, states, parameters, len(starts))
+        changed, used = BEGIN(
+            robots.place, who, starts.place, robots.charts_of(starts), drawing,
+            self._steps, self._over, self._used,
+        )  # fmt: skip
+        robots.note_put(starts, changed)
+        if used:
+            draws.fill(self._used[:used])
 
     def _instead(self, given: Any, count: int) -> dict[int, np.ndarray]:
         """Return numbers in place of drawn ones, by their columns; refuse what does not fit."""
@@ -259,31 +263,37 @@ class Environments(VectorEnv):
             found[names.index(name)] = numbers
         return found
 
-    def _finish(self, infos: dict[str, Any]) -> dict[str, Any]:
-        """Begin episodes anew where others are over, and return infos that tell how these
-        ended."""
+    def _finish(self, seen: np.ndarray, infos: dict[str, Any]) -> dict[str, Any]:
+        """Begin episodes anew where others are over, observe these, and return infos that tell how
+        the others ended."""
         who = np.flatnonzero(self._over)
         final = np.full(self.num_envs, None, object)
-        for i, row in zip(who.tolist(), self._read[who, :-2], strict=True):
+        for i, row in zip(who.tolist(), seen[who], strict=True):
             final[i] = row
         infos = {"final_obs": final, "_final_obs": self._over.copy(), "final_info": infos}
         infos["_final_info"] = self._over.copy()
         self._begin(who)
-        self._readings(who)
+        self._observe(seen, who)
         return infos
 
-    def _readings(self, who: np.ndarray | None = None) -> np.ndarray:
-        """Return what is read (N, numbers), anew for some or for all; refuse what is undefined."""
-        read = self._robots.read(self._read, who)
-        if not np.isfinite(read).all():
-            i, j = np.argwhere(~np.isfinite(read))[0].tolist()
-            what = {read.shape[1] - 2: REWARD, read.shape[1] - 1: TERMINATION}.get(j, OBSERVATION)
-            raise LinkworkError(
-                f"{what} of environment {i} is {read[i, j]} at t = {self._robots.time[i]:g} s; "
-                "write it so that it is finite wherever the robot comes to, or end the episode "
-                "before"
-            )
-        return read
+    def _observe(self, seen: np.ndarray, who: np.ndarray | None = None) -> np.ndarray:
+        """Write the observations (N, numbers) of some, or of all, and return them."""
+        told = ReadingTables(seen, self._told)
+        if not self._robots.tell(told, who):
+            self._require_finite(told)
+        return seen
+
+    def _require_finite(self, told: ReadingTables) -> None:
+        """Refuse what is undefined."""
+        for i, (*seen, reward, over) in enumerate(np.column_stack((told.rows, told.columns.T))):
+            named = [*((OBSERVATION, x) for x in seen), (REWARD, reward), (TERMINATION, over)]
+            for what, value in named:
+                if not np.isfinite(value):
+                    raise LinkworkError(
+                        f"{what} of environment {i} is {value} at t = {self._robots.time[i]:g} s; "
+                        "write it so that it is finite wherever the robot comes to, or end the "
+                        "episode before"
+                    )
 
     def _reasons(self, failed: np.ndarray) -> dict[str, Any]:
         """Return infos that tell why robots could not be stepped on."""
@@ -315,7 +325,7 @@ class Environments(VectorEnv):
         if self._draws is None:
             fresh = np.random.SeedSequence(self.np_random.integers(2**63)).spawn(self.num_envs)
             generators = [np.random.default_rng(each) for each in fresh]
-            self._draws = Draws(generators, len(self._least))
+            self._draws = Draws(generators, self._drawn)
         for i in who.tolist() if seeds else ():
             if seeds[i] is not None:
                 self._draws.renew(i, seeding.np_random(seeds[i])[0])
@@ -389,31 +399,34 @@ def steppers_of(process: DecisionProcess, states: State, threads: int | None) ->
     )
 
 
-def places(process: DecisionProcess, robots: Steppers) -> list[np.ndarray]:
-    """Return where numbers that are drawn are written to, (N,) each; refuse what nobody reads.
+def places(process: DecisionProcess, robots: Steppers) -> np.ndarray:
+    """Return where numbers that are drawn are written to, (2, numbers): rows of states, -1 for
+    none, and of parameters; refuse what nobody reads.
 
     Numbers of the robot may be those that its description may hold at all corners of their bounds.
     """
     states, found = [each.name for each in process.read_extras], []
+    first = robots.y.shape[1] - robots.z.shape[1]
     for name in process.draws:
+        parameter = name in robots.parameters and name not in process.action_names
         if name in states:
-            found.append(robots.z[:, states.index(name)])
-        elif name in robots.parameters and name not in process.action_names:
-            found.append(robots.parameters[name])
-        else:
+            found.append((first + states.index(name), -1))
+            continue
+        if not parameter:
             raise LinkworkError(
                 f"draws name {name!r}, which is no further state, no free parameter of the robot, "
                 "and no parameter that a function reads by state.parameter(name, default)"
             )
-        if not found[-1].flags.writeable:
+        if not robots.parameters[name].flags.writeable:
             raise LinkworkError(
                 f"{name!r} may not be drawn: the loops close otherwise by it; draw masses and what "
                 "else leaves them closed"
             )
+        found.append((-1, *robots.parameter_rows([name])))
     own = {name: process.draws[name] for name in process.draws if name in process.robot.parameters}
     for end in (0, 1):
         if not allowed(process.robot, {name: bounds[end] for name, bounds in own.items()}):
             raise LinkworkError(
                 f"bounds of {', '.join(own)} hold numbers that the robot's description may not"
             )
-    return found
+    return np.array(found, np.intp).reshape(-1, 2).T.copy()

@@ -157,6 +157,13 @@ def is_kept(function: Callable) -> bool:
         return False
 
 
+def entry_of(compiled: Dispatcher) -> Callable[..., Any]:
+    """Return a function compiled once as one that Python calls at once, in half of the time: nobody
+    looks whether its arguments are of the types that it is compiled for, as they have to be."""
+    (found,) = compiled.overloads.values()
+    return found.entry_point
+
+
 def address_of(compiled: Dispatcher) -> int:
     """Return the address of a function compiled once, as C calls it."""
     (found,) = compiled.overloads.values()

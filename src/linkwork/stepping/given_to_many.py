@@ -50,7 +50,7 @@ def which_of(index: Index | None, N: int, repeated: bool = False) -> np.ndarray:
         return np.flatnonzero(index)
     every = np.arange(N)
     try:
-        found = every if index is None else np.atleast_1d(every[index])
+        found = every if index is None else np.ascontiguousarray(np.atleast_1d(every[index]))
     except (IndexError, TypeError, ValueError):
         found = None
     if found is None or found.ndim != 1 or not (repeated or different(found)):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import wait
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -21,23 +21,35 @@ from linkwork.runs.passage import CLOSURE, SOFT, portion
 from linkwork.runs.settings import Settings
 from linkwork.runs.system import System
 from linkwork.simulation import Status
+from linkwork.simulation.compiled import entry_of
 from linkwork.simulation.turns import whole
 from linkwork.simulation.vectors import LANES
 from linkwork.stepping.given_to_many import Index, which_of
-from linkwork.stepping.native_exchange import readings, transfer
-from linkwork.stepping.native_many import (
+from linkwork.stepping.native_block import (
     LIMIT,
+    LINE,
     NUMBERS,
     WHEN,
     Herd,
     StepDemands,
 )
+from linkwork.stepping.native_exchange import MemberPlaces, transfer
+from linkwork.stepping.native_readings import ReadingTables, readings
 from linkwork.stepping.stepper import require_room
 from linkwork.threads import crew
 
 FEWEST = 256  # members that are worth a thread
 OFTEN = OWN + 1  # evaluations that are to come, for which charts get code of their own
 OK = int(Status.FINISHED)
+READINGS, TRANSFER = entry_of(readings), entry_of(transfer)
+
+
+class Codes(NamedTuple):
+    """Addresses of kernels for states side by side; 0 where there is none."""
+
+    motion: int
+    closure: int
+    readings: int
 
 
 class HeldMembers:
@@ -45,6 +57,7 @@ class HeldMembers:
 
     dt: float
     threads: int
+    place: MemberPlaces
     _batch: Members
     _settings: Settings
     _free: bool
@@ -60,15 +73,11 @@ class HeldMembers:
         commands = len(batch.robot.actuators) * self._free
         self._first = np.zeros((N, commands))
         self._first[:] = inputs.coefficients[0, 0, first : first + commands] if own is None else own
-        self._herd = herd = Herd(
-            np.zeros((nq + n + nz, stride)),
-            np.zeros((nq + n + nz, stride)),
-            np.zeros((nq, stride)),
-            np.zeros((commands, stride)),
-            np.zeros((batch.p.shape[1], stride)),
-            np.zeros((NUMBERS, stride)),
-            np.zeros(stride, np.intp),
+        size, free = nq + n + nz, batch.p.shape[1]
+        y, held, turns, u, p, numbers = (
+            lined(count, stride) for count in (size, size, nq, commands, free, NUMBERS)
         )
+        self._herd = herd = Herd(y, held, turns, u, p, numbers, np.zeros(stride, np.intp))
         herd.p[:, :N] = batch.p.T
         if len(batch.p) > 1:
             self._batch = replace(batch, p=herd.p[:, :N].T)
@@ -87,8 +96,13 @@ class HeldMembers:
         self._asked = StepDemands(asked, self.dt, *held_to, first)
         self._inputs = self._settings.integrator.plan.table, inputs.table, timed
         self._seen = np.zeros((N, len(batch.robot.coordinates)))
+        self._untold = ReadingTables(np.empty((N, 0)), np.empty((0, N)))
         self._charts: dict[object, tuple[int, CompiledChart]] = {}
+        self._known: dict[CompiledChart, Codes] = {}
         self._of = np.zeros(N, int)  # the numbers of their charts
+        self._lowered = False  # whether any bound of pivots may be
+        self.place = MemberPlaces(herd, self._seen, self._of)
+        self._numbers: tuple[object, np.ndarray] = None, self._of  # of others' charts
         self._teams: list[tuple[CompiledChart, np.ndarray]] | None = None
 
     def __len__(self) -> int:
@@ -109,7 +123,7 @@ class HeldMembers:
             rates[who[kept]] = found[kept]
         q = np.ascontiguousarray(whole(held[:, :nq], self._herd.turns[:, :N].T))
         (read,) = robot.kernel("positions")(q, batch.p_robot())
-        self._seen = robot.labels.nearest(read, self._seen)
+        self._seen[:] = robot.labels.nearest(read, self._seen)
         return State(self._seen.copy(), rates, q, robot.coordinates, robot.independent)
 
     def read(self, out: np.ndarray | None = None, index: Index | None = None) -> np.ndarray:
@@ -124,13 +138,39 @@ class HeldMembers:
         if out is None:
             out = np.zeros(shape)
         require_room(out, shape)
-        who = np.arange(len(self)) if index is None else which_of(index, len(self))
-        whole_herd = index is None and not self.status.any()
-        for chart, own in self._running() if whole_herd else self._grouped(who):
-            kernel = self._batch.system.side_by_side(chart, "events", OFTEN)
-            given = kernel, *self._inputs[1:], self._herd, self._asked
-            self._shared(lambda share, given=given: readings(*given, share, out), own)
+        who = None if index is None else which_of(index, len(self))
+        dense = np.ascontiguousarray(out)
+        self.tell(ReadingTables(dense, self._untold.columns), who)
+        if dense is not out:
+            out[:] = dense
         return out
+
+    def tell(self, told: ReadingTables, who: np.ndarray | None = None) -> bool:
+        """Write what the readings say of the present states to two arrays; return whether all of it
+        is finite.
+
+        told: the first readings go to its `rows` (N, first), the others to its `columns` (others,
+            N).
+        who: numbers of members; all if left out.
+        """
+        running = who is None and not self.status.any()
+        who = np.arange(len(self)) if who is None else who
+        finite = True
+        for chart, own in self._running() if running else self._grouped(who):
+            given = self._codes(chart).readings, *self._inputs[1:], self._herd, self._asked
+            finite &= all(self._shared(lambda x, given=given: READINGS(*given, x, told), own))
+        return finite
+
+    def _codes(self, chart: CompiledChart) -> Codes:
+        """Return the addresses of the kernels for members side by side in a chart."""
+        if chart not in self._known:
+            system, constrained = self._batch.system, chart.equations.constrained
+            self._known[chart] = Codes(
+                system.side_by_side(chart, "motion", OFTEN),
+                chart.closing_side_by_side(OFTEN) if constrained else 0,
+                system.side_by_side(chart, "events", OFTEN) if system.events else 0,
+            )
+        return self._known[chart]
 
     def put(self, other: HeldMembers, index: Index | None = None, of: Index | None = None) -> None:
         """Put members where members of other steppers are, with all that these hold: at starts
@@ -151,16 +191,27 @@ class HeldMembers:
             raise LinkworkError(
                 f"{amount(who.size, 'member')} cannot be put where {there.size} are; give as many"
             )
-        numbers = [
-            self._charts.setdefault(key, (len(self._charts), chart))[0]
-            for key, (_, chart) in other._charts.items()
-        ]
-        charts = np.array(numbers)[other._of[there]]
-        ended = self.status[who].any() or other.status[there].any()
-        if ended or (self._of[who] != charts).any():
-            self._of[who], self._teams = charts, None
-        transfer(self._herd, who, other._herd, there)
-        self._seen[who] = other._seen[there]
+        here, to, numbers = self.place, other.place, self.charts_of(other)
+        self.note_put(other, TRANSFER(here, who, to, there, numbers))
+
+    def charts_of(self, other: HeldMembers) -> np.ndarray:
+        """Return the numbers that charts of other steppers have here.
+
+        other: steppers of the same robot.
+        """
+        if self._numbers[0] is not other or self._numbers[1].size != len(other._charts):
+            own = [self._number(chart) for _, chart in other._charts.values()]
+            self._numbers = other, np.array(own, np.intp)
+        return self._numbers[1]
+
+    def note_put(self, other: HeldMembers, changed: bool) -> None:
+        """Take note that compiled code has put members where some of others are.
+
+        other: those; changed: what it returned.
+        """
+        if changed:
+            self._teams = None
+        self._lowered |= other._lowered
 
     def independent(self, index: int) -> tuple[str, ...]:
         """Return the names of the rates that v holds of a member.
@@ -172,8 +223,7 @@ class HeldMembers:
     def _enter(self, chart: CompiledChart, who: np.ndarray, y: np.ndarray) -> None:
         """Put members at states (M, n) in a chart."""
         herd = self._herd
-        number, _ = self._charts.setdefault(chart.key, (len(self._charts), chart))
-        self._of[who] = number
+        self._of[who] = self._number(chart)
         herd.held[:, who] = y.T
         seen = y.copy()
         nq = herd.turns.shape[0]
@@ -181,6 +231,10 @@ class HeldMembers:
         herd.y[:, who] = seen.T
         herd.numbers[LIMIT, who], herd.status[who] = SOFT, OK
         self._teams = None
+
+    def _number(self, chart: CompiledChart) -> int:
+        """Return the number of a chart, a new one where it is not known."""
+        return self._charts.setdefault(chart.key, (len(self._charts), chart))[0]
 
     def _running(self) -> list[tuple[CompiledChart, np.ndarray]]:
         """Return the members that go on, chart by chart."""
@@ -193,6 +247,20 @@ class HeldMembers:
         numbers = self._of[who]
         groups = [(chart, who[numbers == number]) for number, chart in self._charts.values()]
         return [(chart, own) for chart, own in groups if own.size]
+
+    @property
+    def herd(self) -> Herd:
+        """All that members are, for compiled code."""
+        return self._herd
+
+    def parameter_rows(self, names: Sequence[str]) -> np.ndarray:
+        """Return in which rows of `herd.p` parameters stand.
+
+        names: of them.
+        """
+        own, acting = self._batch.robot.parameters, self._batch.system.acting
+        every = [*own, *(acting.parameters if acting else ())]
+        return np.array([every.index(name) for name in names], np.intp)
 
     @property
     def system(self) -> System:
@@ -235,6 +303,14 @@ class HeldMembers:
         if found.size != 1:
             raise LinkworkError(f"index {shown(index)} is none of one robot; give a number")
         return int(found[0])
+
+
+def lined(rows: int, columns: int) -> np.ndarray:
+    """Return zeros (rows, columns) of which the first stands at the beginning of a line of the
+    cache."""
+    memory = np.zeros(rows * columns + LINE)
+    first = -memory.ctypes.data // memory.itemsize % LINE
+    return memory[first : first + rows * columns].reshape(rows, columns)
 
 
 def parameters_of(batch: Members, p: np.ndarray) -> dict[str, np.ndarray]:

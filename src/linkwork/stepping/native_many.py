@@ -1,23 +1,15 @@
 """Many robots a step at a time, compiled: a member in each lane, by a method of a fixed step.
 
 The arithmetic is that of `native` in the same order, lane by lane, so that no member depends on its
-neighbours. What the members are stands in arrays with a column for each, `stride` columns in a row;
-LANES of them are taken out at a time, moved on by all of their steps, and put back. A member whose
-step cannot be taken keeps its state, and is told why by its status; the others go on.
-
-Tables, (rows, LANES) each: `y`, states at the starts of the steps; `x`, rows (y, u, p); `k`, rows
-(y', pivot), stage after stage; `z`, rows (q, p); `z_next`, what the closure gives; `now`, numbers
-of the members as in `lane_tables`; `own`, those that are named below.
+neighbours. LANES members are taken out at a time (`native_block`, whose tables these are), moved on
+by all of their steps, and put back. A member whose step cannot be taken keeps its state, and is
+told why by its status; the others go on. What is read of them is read while they are at hand.
 """
 
 import math
-from typing import Any, NamedTuple
 
 import numpy as np
-from llvmlite import ir
 from numba import njit, types
-from numba.core import cgutils
-from numba.extending import intrinsic
 
 from linkwork.simulation.compiled import INLINED, OPTIONS, compiled_once
 from linkwork.simulation.lane_steps import combine, move, project
@@ -37,18 +29,15 @@ from linkwork.simulation.native_parts import (
     OK,
     RESERVE,
     SINGULAR,
-    force,
     inputs_of,
     method_of,
     turns_in,
     whole,
     without,
 )
-from linkwork.simulation.pointers import POINTER, pointer, uncounted
-from linkwork.simulation.structures import tuple_type
+from linkwork.simulation.pointers import pointer, uncounted
 from linkwork.simulation.vectors import (
     LANES,
-    VECTOR,
     absolute,
     as_table,
     call_wide,
@@ -60,127 +49,28 @@ from linkwork.simulation.vectors import (
     splat,
     store,
 )
-
-NUMBERS = 8  # rows of `numbers`
-ORIGIN, WHEN, LIMIT, SLACK, NUMBER, LEFT, WRITTEN, TURNED = range(NUMBERS)
-"""Of each member: the time that its steps are counted from, the present time [s], the bound of its
-pivots, and the factor on the closure's tolerance; the number of its last step, how many are left,
-whether q was written since, and whether any whole turn may be counted."""
-
-
-class Herd(NamedTuple):
-    """Hold all members, a column each.
-
-    y: states as the user sees them (n, stride); held: as they are moved on, angles without the
-        whole `turns` (nq, stride); u: forces that are given (nu, stride); p: parameters
-        (np, stride)
-    numbers: rows named above; status (stride,)
-    """
-
-    y: Any
-    held: Any
-    turns: Any
-    u: Any
-    p: Any
-    numbers: Any
-    status: Any
-
-
-class StepDemands(NamedTuple):
-    """Say what is asked of all members: `turning` (2, nq), spans and wraps of `turns.Turning`; the
-    length of a `step` [s]; the closure's tolerance; whether `redundant` rows ask that the end
-    of every step is measured; the `first` column that the forces have among the inputs."""
-
-    turning: Any
-    step: float
-    closure_tol: float
-    redundant: bool
-    first: int
-
-
-class LaneBlock(NamedTuple):
-    """Where LANES members are computed, as told above; `who`: their columns."""
-
-    y: Any
-    x: Any
-    k: Any
-    z: Any
-    z_next: Any
-    now: Any
-    own: Any
-    inputs: Any
-    who: Any
-    n: int
-    nq: int
-
-
-def _vector_at(typing_context, numbers, index):
-    """Return the vector of LANES numbers from one on."""
-
-    def generate(context, builder, signature, values):
-        kind = ir.VectorType(ir.DoubleType(), LANES).as_pointer()
-        return builder.load(builder.bitcast(builder.gep(values[0], [values[1]]), kind), align=8)
-
-    return VECTOR(POINTER, types.intp), generate
-
-
-def _put_vector(typing_context, numbers, index, vector):
-    """Write LANES numbers from one on."""
-
-    def generate(context, builder, signature, values):
-        kind = ir.VectorType(ir.DoubleType(), LANES).as_pointer()
-        place = builder.bitcast(builder.gep(values[0], [values[1]]), kind)
-        builder.store(values[2], place, align=8)
-        return context.get_dummy_value()
-
-    return types.void(POINTER, types.intp, VECTOR), generate
-
-
-def _expect(typing_context, numbers, index):
-    """Fetch the vector of LANES numbers from one on into the cache, where it is soon to be read."""
-
-    def generate(context, builder, signature, values):
-        word, byte = ir.IntType(32), ir.IntType(8).as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [byte, word, word, word])
-        fetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
-        place = builder.bitcast(builder.gep(values[0], [values[1]]), byte)
-        builder.call(fetch, [place, *(ir.Constant(word, number) for number in (0, 3, 1))])
-        return context.get_dummy_value()
-
-    return types.void(POINTER, types.intp), generate
-
-
-vector_at: Any = intrinsic(_vector_at)
-expect: Any = intrinsic(_expect)
-put_vector: Any = intrinsic(_put_vector)
-
-
-@njit(**INLINED)
-def taken(array, rows, first, block, table, row):
-    """Take rows of the members out of an array, from a row of a table on; `first`: the column of
-    the first where they stand one after the other, most often followed by those of the next block,
-    else -1."""
-    numbers, stride = pointer(array), array.shape[1]
-    for m in range(rows):
-        if first >= 0:
-            store(table, row + m, vector_at(numbers, m * stride + first))
-            expect(numbers, m * stride + first + LANES)
-        else:
-            for lane in range(LANES):
-                table[row + m, lane] = numbers[m * stride + block.who[lane]]
-
-
-@njit(**INLINED)
-def put(table, rows, first, live, block, array):
-    """Put rows of the members back into an array: all lanes where they stand one after the other,
-    else those that are live."""
-    numbers, stride = pointer(array), array.shape[1]
-    for m in range(rows):
-        if first >= 0:
-            put_vector(numbers, m * stride + first, load(table, m))
-        else:
-            for lane in range(live):
-                numbers[m * stride + block.who[lane]] = table[m, lane]
+from linkwork.stepping.native_block import (
+    CHANGED,
+    LEFT,
+    LIMIT,
+    NUMBER,
+    NUMBERS,
+    ORIGIN,
+    SELDOM,
+    SIGNATURE,
+    SLACK,
+    TURNED,
+    WHEN,
+    WRITTEN,
+    LaneBlock,
+    choose_members,
+    put,
+    put_changed,
+    put_rows,
+    set_inputs,
+    taken,
+)
+from linkwork.stepping.native_readings import READING_TABLES, tell
 
 
 @njit(**OPTIONS)
@@ -245,19 +135,6 @@ def settle(herd, asked, live, block):
                     block.own[TURNED, lane] = 1.0
                 else:
                     now[LOOSE, lane] = max(now[LOOSE, lane], abs(y[m, lane]) / turning[0, m])
-
-
-@njit(**OPTIONS)
-def set_inputs(theta, signal, herd, asked, block):
-    """Evaluate what is given over time at t + theta h in all lanes, but for the forces."""
-    x, n, columns = block.x, block.n, signal.columns
-    end = asked.first + herd.u.shape[0]
-    for lane in range(LANES):
-        time = block.own[WHEN, lane] + theta * block.now[STEP, lane]
-        force(signal, time, theta > 0, 0, block.inputs)
-        for j in range(columns):
-            if j < asked.first or j >= end:
-                x[n + j, lane] = block.inputs[j]
 
 
 @njit(**OPTIONS)
@@ -354,7 +231,8 @@ def begin(herd, asked, closure, signal, first, live, block):
     taken(herd.y, n, first, block, x, 0)
     taken(herd.u, forces, first, block, x, n + asked.first)
     taken(herd.p, herd.p.shape[0], first, block, x, inputs)
-    taken(herd.p, herd.p.shape[0], first, block, block.z, nq)
+    for m in range(herd.p.shape[0]):
+        store(block.z, nq + m, load(x, inputs + m))
     store(now, LOOSE, load(block.own, SLACK))
     store(now, LIVE, splat(1.0))
     for lane in range(live, LANES):
@@ -382,7 +260,8 @@ def finish(herd, first, live, block):
     user."""
     n, y, own = block.n, block.y, block.own
     store(own, SLACK, load(block.now, LOOSE))
-    put(own, NUMBERS, first, live, block, herd.numbers)
+    put_rows(own, 0, SELDOM, first, live, block, herd.numbers)
+    put_changed(own, SELDOM, CHANGED, first, live, block, herd.numbers)
     put(y, n, first, live, block, herd.held)
     if some(load(own, TURNED) >= splat(1.0)):
         for lane in range(live):
@@ -403,48 +282,56 @@ def large(shortest, block):
     return some((largest >= splat(shortest)) | (load(block.now, LOOSE) >= splat(1.0 + 1e-15)))
 
 
-_list = types.Array(types.float64, 1, "C", readonly=True)
-_rows, _codes = types.Array(types.float64, 2, "C"), types.Array(types.intp, 1, "C")
-_wholes = types.Array(types.intp, 1, "C", readonly=True)
-SIGNATURE = (
-    *(types.intp, types.intp, _list, _list, types.boolean),
-    tuple_type(Herd, _rows, _rows, _rows, _rows, _rows, _rows, _codes),
-    tuple_type(StepDemands, _rows, types.float64, types.float64, types.boolean, types.intp),
-    _wholes,
-)
+@njit(**INLINED)
+def ended(herd, first, live, block):
+    """Return how many of the members had to stop."""
+    stopped = 0
+    if first >= 0:
+        for lane in range(LANES):
+            stopped += herd.status[first + lane] != OK
+    else:
+        for lane in range(live):
+            stopped += herd.status[block.who[lane]] != OK
+    return stopped
 
 
-@compiled_once("the stepper of many robots", SIGNATURE)
-def steps(motion, closure, plan, table, timed, herd, asked, members):
-    """Take the steps that are left of some members in one chart; return how many had to stop.
+@compiled_once("the stepper of many robots", (*SIGNATURE, types.intp, READING_TABLES))
+def steps(motion, closure, plan, table, timed, herd, asked, members, reading, told):
+    """Take the steps that are left of some members in one chart; return how many had to stop, and
+    whether all that is read of them is finite.
 
     motion, closure: addresses of the kernels for states side by side, the latter 0 where there is
     none; plan: `StepPlan.table` of a fixed step; table: `Signal.table`, the inputs, of which
-    columns are the forces; timed: whether others vary; members: columns, in their order.
+    columns are the forces; timed: whether others vary; members: columns, in their order; reading:
+    the address of the kernel of what is read and `told`, 0 where nothing is.
     """
     # Where LANES members are computed.
-    herd, asked = uncounted(herd), uncounted(asked)
+    herd, asked, told = uncounted(herd), uncounted(asked), uncounted(told)
+    members, lanes = uncounted(members), np.empty(LANES, np.intp)
     method, (signal, _) = method_of(pointer(plan)), inputs_of(pointer(table))
     n, nq, p = herd.y.shape[0], herd.turns.shape[0], herd.p.shape[0]
-    sizes = (n, n + signal.columns + p, method.stages * (n + 1), nq + p, nq + 1, NOW, NUMBERS)
+    count = told.rows.shape[1] + told.columns.shape[0]
+    sizes = (
+        *(n, n + signal.columns + p, method.stages * (n + 1), nq + p, nq + 1, NOW, NUMBERS),
+        count,
+    )
     ends = np.cumsum(np.array(sizes))
     space, inputs = room(ends[-1]), np.empty(signal.columns + 1)
-    who = np.empty(LANES, np.intp)
+    who = uncounted(lanes)
     block = LaneBlock(
         as_table(space), as_table(space[ends[0] :]), as_table(space[ends[1] :]),
         as_table(space[ends[2] :]), as_table(space[ends[3] :]), as_table(space[ends[4] :]),
         as_table(space[ends[5] :]), pointer(inputs), who, n, nq,
     )  # fmt: skip
+    found = as_table(space[ends[6] :])
     # What does not vary is the same for all.
     if not timed:
         set_inputs(0.0, signal, herd, asked, block)
     stopped, shortest = 0, asked.turning[0].min() if nq > 0 else math.inf
+    finite = True
     for begun in range(0, members.size, LANES):
         live = min(LANES, members.size - begun)
-        for lane in range(LANES):
-            who[lane] = members[begun + min(lane, live - 1)]
-        adjacent = live == LANES and who[LANES - 1] - who[0] == LANES - 1
-        first = who[0] if adjacent else -1
+        first = choose_members(members, begun, live, who)
         begin(herd, asked, closure, signal, first, live, block)
         while aim(asked, block):
             healthy = advance(motion, closure, method, signal, timed, herd, asked, block)
@@ -453,7 +340,11 @@ def steps(motion, closure, plan, table, timed, herd, asked, members):
             if large(shortest, block):
                 settle(herd, asked, live, block)
         finish(herd, first, live, block)
-        for lane in range(live):
-            stopped += herd.status[who[lane]] != OK
-    space[0, 0] = inputs[0] = 0.0  # the memory of the block lives to the end
-    return stopped
+        stopped += ended(herd, first, live, block)
+        # What is read of the states as the user sees them.
+        if reading != 0:
+            for m in range(n):
+                store(block.x, m, load(block.y, m))
+            finite &= tell(reading, signal, timed, herd, asked, first, live, block, found, told)
+    space[0, 0] = inputs[0] = lanes[0] = 0  # the memory of the block lives to the end
+    return stopped, finite

@@ -26,6 +26,7 @@ from linkwork.runs.settings import Settings
 from linkwork.runs.side_by_side import Stands, begun, in_better_charts, pivots
 from linkwork.runs.system import require_starts
 from linkwork.simulation import FIXED, MethodName, Status
+from linkwork.simulation.compiled import entry_of
 from linkwork.stepping.errors import StepError
 from linkwork.stepping.given_to_many import (
     Index,
@@ -34,8 +35,8 @@ from linkwork.stepping.given_to_many import (
     require_states,
     which_of,
 )
-from linkwork.stepping.held_members import OFTEN, OK, HeldMembers
-from linkwork.stepping.native_many import (
+from linkwork.stepping.held_members import OK, HeldMembers
+from linkwork.stepping.native_block import (
     LEFT,
     LIMIT,
     NUMBER,
@@ -45,8 +46,9 @@ from linkwork.stepping.native_many import (
     WHEN,
     WRITTEN,
     Herd,
-    steps,
 )
+from linkwork.stepping.native_many import steps
+from linkwork.stepping.native_readings import ReadingTables
 from linkwork.stepping.stepper import (
     ROUNDING,
     Stepper,
@@ -63,6 +65,7 @@ if TYPE_CHECKING:
     from linkwork.runs.system import Forces
 
 SINGULAR = int(Status.SINGULAR)
+STEPS = entry_of(steps)
 
 
 class Steppers(HeldMembers):
@@ -180,6 +183,28 @@ class Steppers(HeldMembers):
             out[:] = self.y
         return out
 
+    def step_and_tell(self, told: ReadingTables, steps: int = 1, *, idle: np.ndarray) -> bool:
+        """Take one step, or some, as `step`, and write what the `readings` say of all members then.
+
+        Args:
+            told: where to write it: the first readings to its `rows` (N, first), the others to its
+                `columns` (others, N).
+            steps: how many.
+            idle: numbers of members that stay where they are.
+
+        Returns:
+            Whether all that was written is finite.
+
+        Raises:
+            LinkworkError: signals that end; refused before anything happens.
+        """
+        self._require_signals(steps)
+        if not self._leaps and steps <= self._portion and not self.status.any():
+            return self._go_on(slice(None), steps, told, idle)
+        who = np.delete(np.arange(len(self)), idle)
+        self._take(who, portions_taken(partial(self._take, who), steps, self._portion))
+        return self.tell(told)
+
     def _take(self, who: np.ndarray | slice, steps: int) -> None:
         """Take so many steps of members, of those that go on."""
         if not self._leaps:
@@ -209,21 +234,33 @@ class Steppers(HeldMembers):
         """Put a member back to a column of numbers, and to its chart."""
         for part, own in zip(self._herd, column, strict=True):
             part[..., i] = own
-        self._of[i], self._teams = chart, None
+        self._of[i], self._teams, self._lowered = chart, None, True
 
-    def _go_on(self, who: np.ndarray | slice, steps: int) -> None:
-        """Take so many steps of members, of those that go on, whatever happens within."""
+    def _go_on(
+        self,
+        who: np.ndarray | slice,
+        steps: int,
+        told: ReadingTables | None = None,
+        idle: Sequence[int] | np.ndarray = (),
+    ) -> bool:
+        """Take so many steps of members, of those that go on and are not idle, whatever happens
+        within; write what is to be told of all, and return whether it is finite."""
         left = self._herd.numbers[LEFT]
         left[:] = 0
         left[who] = steps
+        if len(idle):
+            left[idle] = 0
         # Charts are changed where they weaken, until nobody has steps left.
-        stopped = self._dealt(self._running())
+        stopped, finite = self._dealt(self._running(), told)
         while stopped:
             self._teams = None
             self._change_charts()
             on = [(chart, who[left[who] > 0]) for chart, who in self._running()]
-            stopped = self._dealt([(chart, who) for chart, who in on if who.size])
-        self._raise_bounds()
+            stopped, well = self._dealt([(chart, who) for chart, who in on if who.size], told)
+            finite &= well
+        if self._lowered:
+            self._raise_bounds()
+        return finite
 
     def alone(self, index: int) -> Stepper:
         """Return a `Stepper` of the member at an index as it is: its `run` is told in all
@@ -307,16 +344,25 @@ class Steppers(HeldMembers):
         numbers[ORIGIN, who] = np.where(beside, time, 0.0)
         numbers[NUMBER, who], numbers[WRITTEN, who] = np.where(beside, 0, number), 0.0
 
-    def _dealt(self, teams: Sequence[tuple[CompiledChart, np.ndarray]]) -> int:
-        """Take the steps that are left of members; return how many had to stop."""
-        stopped = 0
+    def _dealt(
+        self, teams: Sequence[tuple[CompiledChart, np.ndarray]], told: ReadingTables | None
+    ) -> tuple[int, bool]:
+        """Take the steps that are left of members; return how many had to stop, and whether what is
+        told of them is finite."""
+        stopped, finite = 0, True
         for chart, who in teams:
-            system, constrained = self._batch.system, chart.equations.constrained
-            motion = system.side_by_side(chart, "motion", OFTEN)
-            closure = chart.closing_side_by_side(OFTEN) if constrained else 0
+            motion, closure, reading = self._codes(chart)
             given = motion, closure, *self._inputs, self._herd, self._asked
-            stopped += sum(self._shared(lambda share, given=given: steps(*given, share), who))
-        return stopped
+            then = (0, self._untold) if told is None else (reading, told)
+            work = partial(self._share, given, then)
+            for number, well in self._shared(work, who):
+                stopped, finite = stopped + number, finite and well
+        return stopped, finite
+
+    @staticmethod
+    def _share(given: tuple, then: tuple, share: np.ndarray) -> tuple[int, bool]:
+        """Take the steps of a share of members."""
+        return STEPS(*given, share, *then)
 
     def _change_charts(self) -> None:
         """Let members whose pivots have weakened go on in better charts, or under a lower bound;
@@ -337,15 +383,14 @@ class Steppers(HeldMembers):
             left = stands[np.flatnonzero(~changed & (stands.bound > checks.PIVOT_BOUND))]
             lower = LOWER * np.minimum(left.bound, pivots(self._batch, left))
             herd.numbers[LIMIT, left.members] = np.maximum(checks.PIVOT_BOUND, lower)
-            herd.status[left.members] = OK
+            herd.status[left.members], self._lowered = OK, True
 
     def _raise_bounds(self) -> None:
         """Raise the bounds that were lowered where the pivots have recovered."""
         limit = self._herd.numbers[LIMIT, : len(self)]
-        if limit.min(initial=SOFT) == SOFT:
-            return
         for chart, who in self._grouped(np.flatnonzero((limit < SOFT) & (self.status == OK))):
             limit[who[pivots(self._batch, self._stands(chart, who)) > RECOVERED * SOFT]] = SOFT
+        self._lowered = limit.min(initial=SOFT) < SOFT
 
     def _stands(self, chart: CompiledChart, who: np.ndarray) -> Stands:
         """Return where members stand in a chart."""
