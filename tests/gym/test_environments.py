@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import linkwork as lw
 from linkwork import math
-from linkwork.gym import DecisionProcess, Environment, Environments
+from linkwork.gym import DecisionProcess, Environment, Environments, register
 from linkwork.gym.catalogue import balancing, reaching, swinging_up
 from linkwork.robots import prr3
 
@@ -198,6 +198,8 @@ def test_masses_may_be_drawn():
     for _ in range(20):
         seen, rewards, *_ = envs.step(np.tile([3.0, -2.0, 1.0], (6, 1)))
     np.testing.assert_allclose(rewards, 0.2, 1e-12)
+    with pytest.raises(lw.LinkworkError, match=r"'platform.mass' is -1, which the robot's descr"):
+        envs.reset(options={"draws": {"platform.mass": [-1.0, *given[1:]]}})
     for i, mass in enumerate(given):
         own = robot.with_parameters({"platform.mass": mass})
         run = own.simulate(own.home, [3.0, -2.0, 1.0], duration=0.2, method="rk4", step=0.01)
@@ -256,6 +258,18 @@ REFUSED = [
     (lambda envs: envs.reset(seed=-1), "a seed is -1; give a whole number that is not negative"),
     (lambda envs: envs.reset(seed=[0.5, 2]), "a seed is 0.5"),
     (lambda envs: Environment(envs.process).reset(seed="a"), "a seed is 'a'"),
+    (lambda envs: envs.reset(seed=True), "a seed is True; give a whole number"),
+    (
+        lambda envs: Environment(envs.process).reset(seed=[3]),
+        r"a seed is \[3\]; give a whole number",
+    ),
+    (lambda envs: envs.step(np.ma.masked_equal(np.zeros((2, 3)), 0)), "actions are masked_array"),
+    (lambda envs: envs.step(np.zeros((2, 3), bool)), r"actions are array\(\[\[False"),
+    (lambda envs: Environment(envs.process).step(0.5), r"the action is of shape \(\); give 3 num"),
+    (
+        lambda envs: Environment(envs.process).step(["a"] * 3),
+        r"the action is \['a', 'a', 'a'\]; giv",
+    ),
     (copy.copy, "environments cannot be copied or pickled"),
     (lambda envs: envs.extra("ball"), "there is no further state 'ball'"),
 ]
@@ -362,6 +376,14 @@ def test_modes_and_names_that_there_are_not():
         Environments("Reach", 2)  # pyright: ignore[reportArgumentType]
 
 
+def test_what_cannot_be_registered_is_refused():
+    with pytest.raises(lw.LinkworkError, match="the process of 'Mine/A-v0' is 3; give a function"):
+        register("Mine/A-v0", 3, 10)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(lw.LinkworkError, match="horizon is -1; give a whole number, at least 1"):
+        register("Mine/A-v0", reaching, -1)
+    assert "Mine/A-v0" not in gymnasium.registry
+
+
 def test_pictures_show_the_states_of_their_robots():
     """What is drawn differs where the robot does, and the same state gives the same picture."""
     many = gymnasium.make_vec("Linkwork/Reach-v0", num_envs=2, render_mode="rgb_array")
@@ -377,6 +399,9 @@ def test_pictures_show_the_states_of_their_robots():
     one = gymnasium.make("Linkwork/Reach-v0", render_mode="rgb_array")
     one.reset(seed=0)
     np.testing.assert_array_equal(one.render(), before[0])
+    for number in (2, -1, "a"):
+        with pytest.raises(lw.LinkworkError, match=f"no environment {number!r}; there are 2, from"):
+            many.unwrapped.picture(number)
     assert one.metadata["render_fps"] == round(1 / reaching().dt)
 
 

@@ -9,7 +9,9 @@ from gymnasium import Env
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike
 
-from linkwork.gym.environments import Environments, frames_a_second
+from linkwork import checks
+from linkwork.errors import LinkworkError
+from linkwork.gym.environments import Environments, frames_a_second, whole
 from linkwork.gym.process import DecisionProcess
 from linkwork.model.state import State
 
@@ -58,6 +60,10 @@ class Environment(Env):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin an episode; return the observation and an empty info. Of the options there is
         "draws", as `Environments.reset` has it."""
+        if seed is not None and not whole(seed):
+            raise LinkworkError(
+                f"a seed is {checks.shown(seed)}; give a whole number that is not negative"
+            )
         observations, _ = self._one.reset(seed=seed, options=options)
         super().reset(seed=None if seed is None else int(seed))
         return observations[0], {}
@@ -73,9 +79,11 @@ class Environment(Env):
     def step(self, action: ArrayLike) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Take an action; return observation, reward, terminated, truncated and info, whose
         "reason" says why the robot could not be stepped on, if so."""
-        observations, rewards, terminations, truncations, infos = self._one.step(
-            np.asarray(action)[None]
-        )
+        given, size = checks.reals(action), self.process.size
+        if given is None or given.shape != (size,):
+            what = checks.shown(action) if given is None else f"of shape {given.shape}"
+            raise LinkworkError(f"the action is {what}; give {checks.amount(size, 'number')}")
+        observations, rewards, terminations, truncations, infos = self._one.step(given[None])
         info = {"reason": infos["reason"][0]} if infos else {}
         return (
             observations[0],

@@ -204,7 +204,10 @@ class Environments(VectorEnv):
         return tuple(self.picture(i) for i in range(self.num_envs))
 
     def picture(self, number: int) -> np.ndarray:
-        """Return the picture of one of the robots; what is seen grows with what it reaches."""
+        """Return the picture of one of the robots; what is seen grows with what it reaches.
+
+        number: of the environment.
+        """
         if self.render_mode is None:
             raise LinkworkError(
                 "these environments were made without pictures; make them with "
@@ -212,6 +215,11 @@ class Environments(VectorEnv):
             )
         if self._draws is None:
             raise LinkworkError("no episode has begun; reset the environments before their picture")
+        if not (whole(number) and 0 <= number < self.num_envs):
+            raise LinkworkError(
+                f"there is no environment {checks.shown(number)}; there are {self.num_envs}, from "
+                "0 on"
+            )
         # Matplotlib is asked for where pictures are.
         from linkwork.views.camera import Camera
 
@@ -221,13 +229,11 @@ class Environments(VectorEnv):
 
     def _act(self, actions: ArrayLike) -> None:
         """Take actions over, cut to their bounds; refuse those that do not fit."""
-        try:
-            given = np.asarray(actions).astype(float, "C", "same_kind")
-        except (TypeError, ValueError):
-            given = np.empty(0)
-        if given.shape != self.action_space.shape:
-            what = f"of shape {given.shape}" if given.size else checks.shown(actions)
+        given = checks.reals(actions)
+        if given is None or given.shape != self.action_space.shape:
+            what = checks.shown(actions) if given is None else f"of shape {given.shape}"
             raise LinkworkError(f"actions are {what}; give numbers {self.action_space.shape}")
+        given = np.ascontiguousarray(given)
         if ACT(given, self._limits, self._robots.herd, self._actions):
             i = np.argwhere(~np.isfinite(given))[0, 0]
             raise LinkworkError(
@@ -260,6 +266,13 @@ class Environments(VectorEnv):
                     f"draws of {name!r} are of shape {numbers.shape}; give one number, or "
                     f"{count}: one for each environment that begins"
                 )
+            if name in self.process.robot.parameters:
+                for value in (numbers.min(), numbers.max()):
+                    if not allowed(self.process.robot, {name: value}):
+                        raise LinkworkError(
+                            f"the draw of {name!r} is {value:g}, which the robot's description may "
+                            "not hold; give another number"
+                        )
             found[names.index(name)] = numbers
         return found
 
@@ -335,12 +348,12 @@ def seeds_of(seed: Any, count: int) -> list[int | None]:
     """Return a seed for each environment, or none at all; refuse what is no whole number."""
     if seed is None:
         return []
-    if isinstance(seed, int | np.integer):
+    if whole(seed):
         seeds: list[Any] = [seed + i for i in range(count)] if seed >= 0 else [seed]
     else:
         seeds = [*seed] if isinstance(seed, Sequence | np.ndarray) else [seed]
     for each in seeds:
-        if each is not None and not (isinstance(each, int | np.integer) and each >= 0):
+        if each is not None and not (whole(each) and each >= 0):
             raise LinkworkError(
                 f"a seed is {checks.shown(each)}; give a whole number that is not negative, or "
                 "one for each environment"
@@ -348,6 +361,11 @@ def seeds_of(seed: Any, count: int) -> list[int | None]:
     if len(seeds) != count:
         raise LinkworkError(f"there are {len(seeds)} seeds; give an integer, or {count} of them")
     return [None if each is None else int(each) for each in seeds]
+
+
+def whole(number: Any) -> bool:
+    """Tell whether something is a whole number; a truth value is none."""
+    return isinstance(number, int | np.integer) and not isinstance(number, bool)
 
 
 def frames_a_second(process: DecisionProcess) -> int:

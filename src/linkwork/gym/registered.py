@@ -10,6 +10,8 @@ from typing import Any
 
 import gymnasium
 
+from linkwork import checks
+from linkwork.errors import LinkworkError
 from linkwork.gym.environment import Environment
 from linkwork.gym.environments import Environments
 from linkwork.gym.process import DecisionProcess
@@ -30,7 +32,15 @@ def register(id: str, process: Callable[[], DecisionProcess], horizon: int) -> N
         id: the name, such as "Mine/Reach-v0".
         process: returns the process when an environment is made.
         horizon: steps after which an episode is truncated.
+
+    Raises:
+        LinkworkError: a process that is no function, a horizon that is no number of steps.
     """
+    if not callable(process):
+        raise LinkworkError(
+            f"the process of {id!r} is {checks.shown(process)}; give a function that returns one"
+        )
+    horizon = checks.count(horizon, "horizon")
     gymnasium.register(
         id,
         entry_point=partial(single, process),
