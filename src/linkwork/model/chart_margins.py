@@ -55,19 +55,20 @@ SIGNATURE = types.void(
 
 
 @njit(**OPTIONS)
-def rank_kept(A, rank, bound):
+def rank_kept(A, rank, bound, S):
     """Tell whether A (rows x nv) has `rank` singular values above a bound: 1, 0 or UNKNOWN.
 
-    By the signs of the pivots of A A' - bound^2 (`equations.above`).
+    By the signs of the pivots of S = A A' - bound^2 (`equations.above`), room for which (rows x
+    rows) is given.
     """
     rows, width = A.shape
-    S, largest = np.zeros((rows, rows)), 0.0
+    largest = 0.0
     for i in range(rows):
-        for j in range(rows):
+        for j in range(i + 1):
+            total = 0.0
             for k in range(width):
-                S[i, j] += A[i, k] * A[j, k]
-        S[i, i] -= bound * bound
-        for j in range(rows):
+                total += A[i, k] * A[j, k]
+            S[i, j] = S[j, i] = total - bound * bound if i == j else total
             largest = max(largest, abs(S[i, j]))
     count, weakest = 0, np.inf
     for i in range(rows):
@@ -84,14 +85,14 @@ def rank_kept(A, rank, bound):
 
 
 @njit(**OPTIONS)
-def kept_rows(A, bases, kept):
+def kept_rows(A, bases, kept, squares):
     """Mark the rows that `orthogonal_rows` takes, with orthonormal bases of them (rank x nv); tell
     whether that is sure.
 
-    A (rows x nv) is used up.
+    A (rows x nv) and squares (rows) are used up.
     """
     rows, width = A.shape
-    squares, every = np.zeros(rows), len(bases) == rows
+    every = len(bases) == rows
     longest, shortest = 0.0, np.inf
     for r in range(rows):
         kept[r] = 0
@@ -99,11 +100,11 @@ def kept_rows(A, bases, kept):
         # The longest of what is left of the rows; the first of those that are as long.
         largest, taken = 0.0, -1
         for r in range(rows):
-            squares[r] = 0.0
-            for k in range(width):
-                squares[r] += A[r, k] * A[r, k]
             if not kept[r]:
-                largest = max(largest, squares[r])
+                square = 0.0
+                for k in range(width):
+                    square += A[r, k] * A[r, k]
+                squares[r], largest = square, max(largest, square)
         for r in range(rows):
             if not kept[r]:
                 if not every and abs(squares[r] - TIED * largest) <= MARGIN * largest:
@@ -130,19 +131,19 @@ def kept_rows(A, bases, kept):
 
 
 @njit(**OPTIONS)
-def independent_rates(bases, preferred, chosen):
+def independent_rates(bases, preferred, chosen, free, directions, left, least, roots):
     """Fill in the n rates that `choose_independents` takes; tell whether that is sure.
 
-    bases: orthonormal, of what the constraints hold (rank x nv)
+    bases: orthonormal, of what the constraints hold (rank x nv); free, directions (n x nv), left,
+    least, roots (nv): room
     """
     rank, width = bases.shape
     n, count = width - rank, 0
-    directions, left, least = np.zeros((n, width)), np.ones(width), np.empty(width)
-    roots, free = np.empty(width), np.ones(width, np.bool_)
     for k in range(width):
+        rest = 1.0
         for i in range(rank):
-            left[k] -= bases[i, k] * bases[i, k]
-        left[k] = max(left[k], 0.0)
+            rest -= bases[i, k] * bases[i, k]
+        left[k], free[k] = max(rest, 0.0), True
         roots[k] = math.sqrt(left[k])
         least[k] = (WELL * max(roots[k], WELL)) ** 2
     for step in range(len(preferred) + n):
@@ -203,7 +204,7 @@ def determinant(A, step):
 
 
 @njit(**OPTIONS)
-def same_order(A, steps, sizes, falls):
+def same_order(A, steps, sizes, falls, in_rows, in_columns):
     """Tell whether the numbers A (rows x nv) lead to an order of elimination; fill in how its
     scales fall.
 
@@ -213,10 +214,10 @@ def same_order(A, steps, sizes, falls):
         sizes: units of the blocks' determinants, and their usual sizes (2 x blocks).
         falls: twice the steps of FALL by which each scale is below its usual size, and 1 where the
             determinant is negative (blocks).
+        in_rows, in_columns: room for which are left (rows, nv).
     """
-    rows, width = A.shape
-    in_rows, in_columns = np.zeros(rows, np.bool_), np.zeros(width, np.bool_)
-    number = 0
+    width, number = A.shape[1], 0
+    in_rows[:], in_columns[:] = False, False
     for step in steps:
         kind, r, c = step[0], step[1], step[2]
         if kind == ROW:
@@ -313,12 +314,19 @@ def decide(
     steps, sizes = uncounted(steps), uncounted(sizes)
     kept, independent = uncounted(kept), uncounted(independent)
     rows, width, n = Phi.shape[1], Phi.shape[2], independent.shape[1]
+    # Room for all configurations.
     bases, own = np.empty((width - n, width)), np.empty(rows, np.int64)
     chosen, A = np.empty(n, np.int64), np.empty((rows, width))
+    S, squares, directions = np.empty((rows, rows)), np.empty(rows), np.empty((n, width))
+    left, least, roots = np.empty(width), np.empty(width), np.empty(width)
+    in_rows, in_columns = np.empty(rows, np.bool_), np.empty(width, np.bool_)
+    free = np.empty(width, np.bool_)
     for g in range(len(Phi)):
         scaled_by(Phi[g], factors[0], A)
-        found[g, 0], found[g, 1] = rank_kept(A, width - n, bound), UNKNOWN
-        sure = kept_rows(A, bases, own) and independent_rates(bases, preferred, chosen)
+        found[g, 0], found[g, 1] = rank_kept(A, width - n, bound, S), UNKNOWN
+        sure = kept_rows(A, bases, own, squares) and independent_rates(
+            bases, preferred, chosen, free, directions, left, least, roots
+        )
         for k in range(len(kept) if sure else 0):
             if equal(own, kept[k]) and equal(chosen, independent[k]):
                 scaled_by(Phi[g], factors[1], A)
@@ -326,6 +334,6 @@ def decide(
                 blocks = sizes[:, sizes_at[k] : sizes_at[k + 1]]
                 for i in range(2, found.shape[1]):
                     found[g, i] = 0
-                if same_order(A, held, blocks, found[g, 2:]):
+                if same_order(A, held, blocks, found[g, 2:], in_rows, in_columns):
                     found[g, 1] = k
                     break
