@@ -33,7 +33,6 @@ from linkwork.simulation.lane_tables import (
     STATUS,
     STIFFLY,
     TARGET,
-    WANTED,
 )
 from linkwork.simulation.lane_turns import keep_turns
 from linkwork.simulation.native_loop import STEP_UNDERFLOW, STIFF
@@ -103,7 +102,7 @@ def fill(waiting, members, signals, parameters, begun, save_at, results, turned,
             )
             waiting += 1
         alive = tally[MEMBER, lane] >= 0
-        now[LIVE, lane] = now[WANTED, lane] = 1.0 if alive else 0.0
+        now[LIVE, lane] = 1.0 if alive else 0.0
         live += alive
     return live, waiting
 

@@ -87,13 +87,14 @@ def undefined(lane, k, rows):
 @njit(**OPTIONS)
 def diagnose(lane, solution, closure_tol, tables):
     """Find why the equations fail in a lane's trial step, in the order of the stages; count the
-    evaluations up to it."""
+    evaluations only up to it."""
     n, k, now, tally, lowest = tables.n, tables.k, tables.now, tables.tally, math.inf
-    tally[AILMENT, lane], tally[EVALUATIONS, lane] = NON_FINITE, tally[EVALUATIONS, lane] + solution
+    tally[AILMENT, lane] = NON_FINITE
     for i in range(1, solution + 1):
         # The loops of the new state are closed before its slope is evaluated.
         if i == solution and not now[RESIDUAL, lane] <= closure_tol * now[LOOSE, lane]:
-            tally[AILMENT, lane] = NON_FINITE if undefined(lane, k, i * (n + 1)) else CLOSURE_LOST
+            nowhere = math.isnan(now[RESIDUAL, lane]) and undefined(lane, k, i * (n + 1))
+            tally[AILMENT, lane] = NON_FINITE if nowhere else CLOSURE_LOST
             now[REJECTED_RESIDUAL, lane] = now[RESIDUAL, lane]
             tally[EVALUATIONS, lane] -= 1
             break

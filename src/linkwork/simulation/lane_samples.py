@@ -97,8 +97,8 @@ def extend(motion, method, signals, save_at, tables):
             set_forces(signals, method.c[i], x, n, now, tally)
         call_wide(motion, x, k, i * (n + 1))
         for lane in range(LANES):
-            pivot = k[i * (n + 1) + n, lane]
-            if extends(lane, save_at, now, tally) and not pivot >= now[BOUND, lane]:
+            pivot, extended = k[i * (n + 1) + n, lane], tally[EXTENDED, lane] > 0
+            if extended and now[ACCEPTS, lane] > 0 and not pivot >= now[BOUND, lane]:
                 now[ACCEPTS, lane], now[WANTED, lane] = 0.0, 0.0
                 tally[AILMENT, lane] = NON_FINITE if math.isnan(pivot) else SINGULAR
                 now[REJECTED_PIVOT, lane] = now[LOWEST, lane]
@@ -122,23 +122,35 @@ def keep_sample(i, row, lane, state, samples, tables):
 def interpolate(method, tables, state):
     """Leave the states of all lanes at the times t + theta h, with each lane's theta, in a
     table."""
-    weights, theta, h, stages = (
-        tables.weights,
-        load(tables.now, THETA),
-        load(tables.now, STEP),
-        method.stages,
-    )
-    for i in range(stages):
-        weight, power = splat(0.0), theta
-        for m in range(method.degree):
-            weight = weight + power * splat(method.dense[m * padded(stages) + i])
-            power = power * theta
-        store(weights, i, weight)
+    weigh_stages(method, False, tables)
     for m in range(tables.n):
-        total = splat(0.0)
+        change = load(tables.now, STEP) * weighed(method.stages, m, tables)
+        store(state, m, load(tables.y, m) + change)
+
+
+@njit(**OPTIONS)
+def weigh_stages(method, slope, tables):
+    """Leave the weights of all stages in the dense output at each lane's theta, b_i, or in its
+    slope, d b_i / d theta, in a table."""
+    weights, theta, stages = tables.weights, load(tables.now, THETA), method.stages
+    power = splat(1.0) if slope else theta
+    for i in range(stages):
+        store(weights, i, splat(0.0))
+    for m in range(method.degree):
+        share = splat(m + 1.0 if slope else 1.0) * power
         for i in range(stages):
-            total = total + load(weights, i) * load(tables.k, i * (tables.n + 1) + m)
-        store(state, m, load(tables.y, m) + h * total)
+            weight = splat(method.dense[m * padded(stages) + i])
+            store(weights, i, load(weights, i) + share * weight)
+        power = power * theta
+
+
+@njit(**INLINED)
+def weighed(stages, m, tables):
+    """Return the sum of number m of all stages, each times its weight."""
+    total = splat(0.0)
+    for i in range(stages):
+        total = total + load(tables.weights, i) * load(tables.k, i * (tables.n + 1) + m)
+    return total
 
 
 @njit(**INLINED)

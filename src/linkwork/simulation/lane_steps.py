@@ -36,10 +36,8 @@ from linkwork.simulation.native_pace import (
     LARGEST_FACTOR,
     LEAP,
     SAFETY,
-    SHORT,
     SMALLEST_ERROR,
     SMALLEST_FACTOR,
-    STEEP,
     WARY,
 )
 from linkwork.simulation.native_parts import NEWTON_CALLS
@@ -190,16 +188,27 @@ def error_norm(weights, solution, closed, tables):
 
 
 @njit(**INLINED)
-def judge(method, closed, closure_tol, tables):
-    """Leave the errors of a trial step in now[ERROR], not a number where the equations fail, and
-    the smallest pivots."""
-    k, now = tables.k, tables.now
-    bound, lowest, n, last = load(now, BOUND), splat(math.inf), tables.n, method.solution
-    healthy = load(now, RESIDUAL) <= splat(closure_tol) * load(now, LOOSE)
-    for i in range(1, last + 1):
+def weigh_pivots(last, tables):
+    """Leave the smallest pivots of the stages before the last in now[LOWEST], and in now[WANTED] in
+    which lanes none is below its bound."""
+    k, now, n = tables.k, tables.now, tables.n
+    bound, lowest, healthy = load(now, BOUND), splat(math.inf), load(now, LIVE) >= splat(1.0)
+    for i in range(1, last):
         pivot = load(k, i * (n + 1) + n)
         healthy = healthy & (pivot >= bound)
         lowest = choose(lowest <= pivot, lowest, pivot)
+    store(now, LOWEST, lowest)
+    store(now, WANTED, choose(healthy, splat(1.0), splat(0.0)))
+
+
+@njit(**INLINED)
+def judge(method, closed, closure_tol, tables):
+    """Leave the errors of a trial step in now[ERROR], not a number where the equations fail, and
+    the smallest pivots."""
+    now, last, lowest = tables.now, method.solution, load(tables.now, LOWEST)
+    pivot = load(tables.k, last * (tables.n + 1) + tables.n)
+    closed_again = load(now, RESIDUAL) <= splat(closure_tol) * load(now, LOOSE)
+    healthy = closed_again & (load(now, WANTED) >= splat(1.0)) & (pivot >= load(now, BOUND))
     error = error_norm(method.e, last, closed, tables)
     if method.estimates > 1:
         second = splat(0.1) * error_norm(method.e + method.stages, last, 0, tables)
@@ -207,15 +216,7 @@ def judge(method, closed, closure_tol, tables):
         error = choose(both <= splat(0.0), error, error * (error / both))
     error = choose(load(now, IDEAL) <= splat(0.0), splat(WARY) * error, error)
     store(now, ERROR, choose(healthy, error, splat(math.nan)))
-    store(now, LOWEST, lowest)
-
-
-@njit(**INLINED)
-def falling(now):
-    """Tell in which lanes steps fall as `native_pace.fallen` tells."""
-    h = load(now, STEP_SIZE)
-    steeply = h <= splat(STEEP) * load(now, IDEAL)
-    return steeply | (h <= splat(SHORT) * load(now, LONGEST))
+    store(now, LOWEST, choose(lowest <= pivot, lowest, pivot))
 
 
 @njit(**INLINED)

@@ -11,7 +11,7 @@ from numba import njit
 
 from linkwork.simulation.compiled import INLINED, OPTIONS
 from linkwork.simulation.lane_inputs import force, set_forces, signal_of
-from linkwork.simulation.lane_samples import interpolate
+from linkwork.simulation.lane_samples import interpolate, weigh_stages, weighed
 from linkwork.simulation.lane_tables import (
     ACCEPTS,
     AILMENT,
@@ -34,8 +34,8 @@ from linkwork.simulation.lane_tables import (
     TIME,
     WANTED,
 )
-from linkwork.simulation.native_pace import fallen
-from linkwork.simulation.native_parts import NON_FINITE, OK, SINGULAR, padded
+from linkwork.simulation.native_pace import SHORT, STEEP
+from linkwork.simulation.native_parts import NON_FINITE, OK, SINGULAR
 from linkwork.simulation.native_watch import (
     KEEN,
     WatchedSignals,
@@ -45,7 +45,18 @@ from linkwork.simulation.native_watch import (
 )
 from linkwork.simulation.pointers import pointer
 from linkwork.simulation.signals import FREE
-from linkwork.simulation.vectors import LANES, absolute, call_wide, larger, load, root, splat, store
+from linkwork.simulation.vectors import (
+    LANES,
+    absolute,
+    call_wide,
+    choose,
+    larger,
+    load,
+    root,
+    some,
+    splat,
+    store,
+)
 
 
 class LaneSignals(NamedTuple):
@@ -90,23 +101,21 @@ def mark(watched, now, tally):
     return count
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def mark_peaks(now):
-    """Mark the lanes that have come to a peak of the motion with steps that would be accepted;
-    return how many."""
-    count = 0
-    for lane in range(LANES):
-        falls = fallen(now[STEP_SIZE, lane], now[LONGEST, lane], now[IDEAL, lane])
-        peaks = now[ACCEPTS, lane] > 0 and falls
-        now[PEAKS, lane] = 1.0 if peaks else 0.0
-        count += peaks
-    return count
+    """Mark the lanes that have come to a peak of the motion with steps that would be accepted, as
+    `native_pace.fallen` tells; tell whether there are any."""
+    h = load(now, STEP_SIZE)
+    steady = (h >= splat(STEEP) * load(now, IDEAL)) & (h >= splat(SHORT) * load(now, LONGEST))
+    peaks = choose(steady, splat(0.0), load(now, ACCEPTS))
+    store(now, PEAKS, peaks)
+    return some(peaks >= splat(1.0))
 
 
 @njit(**OPTIONS)
-def inspect(motion, method, signals, watched, peaks, tables):
+def inspect(motion, method, signals, watched, peaks, bent, tables):
     """Refuse the steps of the marked lanes in which the dense output is too far from a solution, at
-    a peak of the motion or where an input bends; peaks: whether any lane was looked at for peaks.
+    a peak of the motion or where an input bends; peaks, bent: whether any lane is marked for that.
 
     x is left as it was: the new state, under the inputs at its end.
     """
@@ -114,11 +123,11 @@ def inspect(motion, method, signals, watched, peaks, tables):
     for m in range(n):
         store(kept, m, load(x, m))
     if peaks:
-        for lane in range(LANES):
-            now[WANTED, lane], now[THETA, lane] = now[PEAKS, lane] * now[ACCEPTS, lane], 0.5
+        store(now, WANTED, load(now, PEAKS) * load(now, ACCEPTS))
+        store(now, THETA, splat(0.5))
         measure(motion, method, signals, KEEN, tables)
         refuse(now, 0.0)
-    for place in range(2 * watched.coefficients.shape[2]):
+    for place in range(2 * watched.coefficients.shape[2] if bent else 0):
         j, wanted = place // 2, 0
         for lane in range(LANES):
             now[WANTED, lane], now[THETA, lane] = 0.0, 1.0
@@ -136,10 +145,10 @@ def inspect(motion, method, signals, watched, peaks, tables):
         if wanted > 0:
             measure(motion, method, signals, 1.0, tables)
     refuse(now, 1.0)
-    store(now, PEAKS, splat(0.0))
     for m in range(n):
         store(x, m, load(kept, m))
-    set_forces(signals, method.c[method.solution], x, n, now, tally)
+    if signals.timed:
+        set_forces(signals, method.c[method.solution], x, n, now, tally)
 
 
 @njit(**INLINED)
@@ -156,37 +165,22 @@ def refuse(now, bent):
 def measure(motion, method, signals, factor, tables):
     """Take into the errors of the lanes that want it, times a factor, how far the dense output is
     from a solution at theta."""
-    n, y, x, k, sample, now, tally = (
-        tables.n, tables.y, tables.x, tables.k, tables.sample, tables.now, tables.tally
-    )  # fmt: skip
-    stages, weights, theta, h, total = (
-        method.stages,
-        tables.weights,
-        load(now, THETA),
-        load(now, STEP),
-        splat(0.0),
-    )
+    n, y, x, k, now, tally = tables.n, tables.y, tables.x, tables.k, tables.now, tables.tally
+    stages, h, total = method.stages, load(now, STEP), splat(0.0)
     interpolate(method, tables, x)
-    for lane in range(LANES):
+    for lane in range(LANES if signals.timed else 0):
         if now[LIVE, lane] > 0:
             time = now[TIME, lane] + now[THETA, lane] * now[STEP, lane]
             force(signals, signal_of(signals, tally[ROW, lane]), time, True, x, n, lane, tally)
     call_wide(motion, x, k, stages * (n + 1))
-    for i in range(stages):
-        weight, power = splat(0.0), splat(1.0)
-        for m in range(method.degree):
-            weight = weight + splat(m + 1.0) * power * splat(method.dense[m * padded(stages) + i])
-            power = power * theta
-        store(weights, i, weight)
+    weigh_stages(method, True, tables)
     for m in range(n):
-        slope = splat(0.0)
-        for i in range(stages):
-            slope = slope + load(weights, i) * load(k, i * (n + 1) + m)
+        slope = weighed(stages, m, tables)
         size = larger(absolute(load(y, m)), absolute(load(tables.kept, m)))
         scale = load(tables.scale, n + m) + load(tables.scale, m) * size
         ratio = absolute(h * (load(k, stages * (n + 1) + m) - slope)) / scale
         total = total + ratio * ratio
-    store(sample, 0, splat(factor) * (root(total / splat(float(n))) / splat(method.blur)))
+    store(tables.sample, 0, splat(factor) * (root(total / splat(float(n))) / splat(method.blur)))
     for lane in range(LANES):
         # The defect, in tolerances, of those that want it.
         if now[WANTED, lane] > 0:

@@ -48,10 +48,10 @@ from linkwork.simulation.lane_steps import (
     accept,
     choose_steps,
     combine,
-    falling,
     judge,
     move,
     project,
+    weigh_pivots,
 )
 from linkwork.simulation.lane_tables import (
     ACCEPTED,
@@ -87,7 +87,17 @@ from linkwork.simulation.native_pace import sixteenths
 from linkwork.simulation.native_parts import OK, RESERVE, Kernels, method_of
 from linkwork.simulation.pointers import pointer, uncounted
 from linkwork.simulation.structures import tuple_type
-from linkwork.simulation.vectors import LANES, as_table, call_wide, load, some, splat, store
+from linkwork.simulation.vectors import (
+    LANES,
+    as_table,
+    call_wide,
+    choose,
+    every,
+    load,
+    some,
+    splat,
+    store,
+)
 
 
 class Demands(NamedTuple):
@@ -106,12 +116,13 @@ def attempt(kernels, method, signals, limits, tables):
     """Try a step in all lanes: leave its stages in k, the new states in x, and what is to be said
     of it in `now`."""
     n, nq, x, k, now = tables.n, tables.nq, tables.x, tables.k, tables.now
-    store(now, WANTED, load(now, LIVE))
     choose_steps(now)
     for i in range(1, method.solution + 1):
         combine(method.a + i * method.stages, i, n, now, tables.y, k, x)
-        # The last stage is evaluated at the new state, whose loops are closed.
+        # The last stage is evaluated at the new state, whose loops are closed: not where a pivot
+        # tells already that the step will be refused.
         if i == method.solution:
+            weigh_pivots(method.solution, tables)
             store(now, RESIDUAL, splat(0.0))
             if kernels.closure != 0:
                 z, z_next, closure_tol = tables.z, tables.z_next, limits.closure_tol
@@ -127,14 +138,15 @@ def attempt(kernels, method, signals, limits, tables):
 def decide(method, limits, tables):
     """Accept the steps whose errors are within the tolerance; find why the equations fail in
     others."""
-    now, tally = tables.now, tables.tally
+    now, tally, error = tables.now, tables.tally, load(tables.now, ERROR)
+    store(now, ACCEPTS, choose(error <= splat(1.0), load(now, LIVE), splat(0.0)))
     for lane in range(LANES):
         tally[AILMENT, lane], tally[REACHED, lane] = OK, tally[SAVED, lane]
-        now[ACCEPTS, lane] = 1.0 if now[LIVE, lane] > 0 and now[ERROR, lane] <= 1 else 0.0
-        if math.isfinite(now[ERROR, lane]):
-            tally[EVALUATIONS, lane] += method.solution
-        else:
-            diagnose(lane, method.solution, limits.closure_tol, tables)
+        tally[EVALUATIONS, lane] += method.solution
+    if not every(splat(0.0) * error >= splat(0.0)):
+        for lane in range(LANES):
+            if now[LIVE, lane] > 0 and not math.isfinite(now[ERROR, lane]):
+                diagnose(lane, method.solution, limits.closure_tol, tables)
 
 
 @njit(**OPTIONS)
@@ -145,23 +157,21 @@ def look_into(
     """Look at what the stages may not have seen within the accepted steps, and take the events and
     samples there; refuse steps in which something is wrong. Return the rows of events.
 
-    peaks: whether any lane may have come to a peak of the motion
+    peaks: whether any lane has come to a peak of the motion
     """
     now, tally, bending = tables.now, tables.tally, watched.bending
     store(now, LEAST, splat(0.0))
     for lane in range(LANES):
         tally[EXTENDED, lane] = 0
     # Which lanes need the dense output, and the stages that it needs beside the others.
-    marked = mark(watched, now, tally) if bending[-1] > bending.size - 1 else 0
-    if peaks:
-        marked += mark_peaks(now)
+    bent = bending[-1] > bending.size - 1 and mark(watched, now, tally) > 0
     further = method.computed < method.stages
     inside = want_samples(save_at, now, tally)[1] if save_at.size > 0 and further else 0
-    if further and marked + inside > 0:
+    if further and (peaks or bent or inside > 0):
         extend(kernels.motion, method, signals, save_at, tables)
     # Steps that the dense output refuses give no samples.
-    if marked > 0:
-        inspect(kernels.motion, method, signals, watched, peaks, tables)
+    if peaks or bent:
+        inspect(kernels.motion, method, signals, watched, peaks, bent, tables)
     if places.count > 0:
         found = happen(
             STEPPING, occasions, alone, method, signals, limits.closure_tol, found, tables, places
@@ -176,10 +186,11 @@ def book(exponent, tables):
     """Count the steps, accepted and refused, and shrink those that are refused."""
     n, now, tally = tables.n, tables.now, tables.tally
     for lane in range(LANES):
-        if now[ACCEPTS, lane] > 0:
-            tally[ACCEPTED, lane] += 1
-            tally[SAVED, lane] = tally[REACHED, lane]
-        elif now[LIVE, lane] > 0:
+        accepted = now[ACCEPTS, lane] > 0
+        tally[ACCEPTED, lane] += accepted
+        tally[SAVED, lane] = tally[REACHED, lane] if accepted else tally[SAVED, lane]
+    for lane in range(LANES):
+        if now[LIVE, lane] > now[ACCEPTS, lane]:
             reject(lane, exponent, tables.k[n, lane], now, tally)
 
 
@@ -298,7 +309,7 @@ def integrate(
         # A step is tried, judged, and looked into.
         attempt(kernels, method, signals, limits, tables)
         decide(method, limits, tables)
-        peaks, samples = some(falling(tables.now)), results.samples
+        peaks, samples = mark_peaks(tables.now), results.samples
         if looks or peaks:
             found = look_into(
                 kernels, method, signals, watched, limits, save_at, samples, peaks, occasions,
