@@ -20,7 +20,7 @@ from linkwork.equations.chart import WEAK_PIVOT, Asked, Block, StageBegun, Teste
 from linkwork.equations.chart_choice import FALL, LEAST, NOISE, WELL
 from linkwork.equations.equations import DOUBTFUL
 from linkwork.equations.independence import FAINT, TIED
-from linkwork.simulation.compiled import OPTIONS, compiled_once, is_kept
+from linkwork.simulation.compiled import INLINED, OPTIONS, compiled_once, is_kept
 from linkwork.simulation.pointers import uncounted
 
 MARGIN = 1e-11  # of a comparison that rounding cannot turn; below 1 - TIED
@@ -144,11 +144,8 @@ def independent_rates(bases, preferred, chosen, free, directions, left, least, r
         for i in range(rank):
             rest -= bases[i, k] * bases[i, k]
         left[k], free[k] = max(rest, 0.0), True
-        roots[k] = math.sqrt(left[k])
-        least[k] = (WELL * max(roots[k], WELL)) ** 2
-    for step in range(len(preferred) + n):
-        if count == n:
-            break
+        least[k] = (WELL * max(math.sqrt(left[k]), WELL)) ** 2
+    for step in range(len(preferred) + n if n > 0 else 0):
         # The next preferred rate, if enough of its motion is left; then those with the most left.
         taken = -1
         if step < len(preferred):
@@ -160,6 +157,7 @@ def independent_rates(bases, preferred, chosen, free, directions, left, least, r
         else:
             largest = 0.0
             for k in range(width):
+                roots[k] = math.sqrt(left[k])
                 if free[k]:
                     largest = max(largest, roots[k])
             for k in range(width):
@@ -170,8 +168,11 @@ def independent_rates(bases, preferred, chosen, free, directions, left, least, r
                         taken = k
         if taken < 0 or left[taken] < FAINT:
             return False
+        chosen[count], free[taken] = taken, False
+        if count == n - 1:
+            return True
         # What it takes of the motion of the others.
-        length = roots[taken]
+        length = math.sqrt(left[taken])
         for k in range(width):
             part = 1.0 if k == taken else 0.0
             for i in range(rank):
@@ -181,10 +182,8 @@ def independent_rates(bases, preferred, chosen, free, directions, left, least, r
             directions[count, k] = part / length
         for k in range(width):
             left[k] = max(left[k] - directions[count, k] ** 2, 0.0)
-            roots[k] = math.sqrt(left[k])
-        chosen[count], free[taken] = taken, False
         count += 1
-    return count == n
+    return n == 0
 
 
 @njit(**OPTIONS)
@@ -252,7 +251,7 @@ def same_order(A, steps, sizes, falls, in_rows, in_columns):
     return True
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def equal(a, b):
     """Tell whether two lists of integers are equal."""
     same = True
@@ -261,7 +260,7 @@ def equal(a, b):
     return same
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def scaled_by(Phi, factors, A):
     """Fill A with the elements of Phi, each by its factor."""
     for r in range(Phi.shape[0]):
