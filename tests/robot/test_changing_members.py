@@ -8,7 +8,7 @@ import pytest
 
 import linkwork as lw
 from linkwork import Sampled, Status
-from linkwork.runs import ensemble
+from linkwork.runs import ensemble, passage
 from linkwork.runs.ensemble import Ensemble
 
 T = np.linspace(0.0, 1.0, 9)
@@ -57,6 +57,30 @@ def test_members_that_change_charts_stay_in_lanes(prr3, never_alone):
     assert len(set(charts(runs))) > 1
     assert max(charts(runs)) > 2
     require_the_same(prr3.ensemble(prr3.home, u, **options), runs)
+
+
+def test_first_steps_in_new_charts_are_those_that_failed_in_the_old_ones(prr3, monkeypatch):
+    """They take fewer trials than guesses do, and runs come as near to where tight ones come to."""
+    u, options = pushes(12), {"duration": 0.8, "save_at": [0.8]}
+    exact = [prr3.simulate(prr3.home, own, **options, rtol=1e-12, atol=1e-14) for own in u]
+
+    def found() -> tuple[int, int, int, float]:
+        runs = [prr3.simulate(prr3.home, own, **options, rtol=1e-8, atol=1e-10) for own in u]
+        errors = [
+            np.abs(run.attrs["final_q"] - best.attrs["final_q"]).max()
+            for run, best in zip(runs, exact, strict=True)
+        ]
+        done = [run.statistics for run in runs]
+        refused, work = sum(each.rejected for each in done), sum(each.nfev for each in done)
+        return sum(charts(runs)), refused, work, float(np.median(errors))
+
+    changes, refused, work, error = found()
+    monkeypatch.setattr(passage, "LONGER", 0.0)
+    others, refused_guesses, work_of_guesses, error_of_guesses = found()
+    assert changes == others > 12
+    assert refused < refused_guesses - changes
+    assert work < 0.98 * work_of_guesses
+    assert error < 2 * error_of_guesses
 
 
 @pytest.mark.parametrize("threads", [1, 2])

@@ -1,6 +1,7 @@
 """Many members in vector lanes against `integrate`, which takes them one by one."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -230,6 +231,28 @@ def test_members_set_out_where_and_when_each_stands():
         kept = outcomes.samples[i, first[i] : outcomes.saved[i]]
         assert np.array_equal(kept, np.concatenate([run.q, run.v], axis=1))
     assert set(outcomes.status.tolist()) == {Status.FINISHED, Status.TOO_MANY_STEPS}
+
+
+@USUAL
+def test_first_steps_are_those_that_are_given(method):
+    """Next to members whose first steps are guessed, and in registers where none is."""
+    y, u, count = states(2 * LANES + 5, 2), np.array([0.3]), 2 * LANES + 5
+    first_steps = np.where(np.arange(count) < LANES, 0.02, np.linspace(0.0, 2.0, count) % 0.7)
+    first_steps[-2:] = 0.0
+    given = {"max_step": 0.25, "rtol": 1e-7, "method": method}
+    starts = replace(Starts.alike(count, (0.0, 1.0, 1e-4), 99, 0, 1), first_steps=first_steps)
+    outcomes = integrate_many(
+        widened(problems.point_mass, 4, 3).address, None, y, u, [1.5],
+        nq=1, duration=1.0, starts=starts, **given,
+    )  # fmt: skip
+    for i, first in enumerate(first_steps.tolist()):
+        run = integrate(
+            problems.point_mass.address, None, y[i, :1], y[i, 1:], u, [1.5],
+            duration=1.0, save_at=(), first_step=first or None, **given,
+        )  # fmt: skip
+        assert (outcomes.nfev[i], outcomes.steps[i]) == (run.nfev, run.steps)
+        assert np.array_equal(outcomes.y_end[i], run.y_end)
+    assert len(set(outcomes.nfev.tolist())) > 1
 
 
 def test_neighbours_order_and_threads_make_no_difference_to_a_bit():

@@ -51,6 +51,9 @@ SOFT = 0.05  # relative pivot at which a better chart is looked for
 RECOVERED = 1.5  # pivot over the soft bound at which a lowered bound is raised again
 SHORT = 1000  # shortest segments in a run's duration
 LOWER = 0.25  # the soft bound falls by this factor while no better chart is found
+LONGER = 4.0
+"""First step in a new chart, in units of the next one in the old chart: as long as the one that
+failed there."""
 WORK, LEAST, MOST = 2**22, 2**11, 2**16  # steps, times nq^2, until a run looks for interruptions
 
 
@@ -98,6 +101,7 @@ class Stand(NamedTuple):
         the bound is lowered
     method: of integration; over: the singular pose that was stepped over to come here
     pace: the steps to go on with, where the last segment ended as its portion was full
+    first_step: to go on with, in another chart; guessed if left out
     """
 
     chart: CompiledChart
@@ -112,6 +116,7 @@ class Stand(NamedTuple):
     method: Method
     over: Segment | None = None
     pace: Pace | None = None
+    first_step: float | None = None
 
 
 @dataclass
@@ -194,8 +199,9 @@ class Passage:
         chart, t, q, v = stand.chart, done.end_time, done.q_end, done.v_end
         steps = stand.steps - done.steps - done.rejected
         here = stand._replace(
-            t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps, over=None, pace=None
-        )
+            t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps,
+            over=None, pace=None, first_step=None,
+        )  # fmt: skip
         if done.status is Status.TOO_MANY_STEPS and steps > 0 and not self.system.faults:
             return here._replace(pace=done.pace)
         # A short segment under a lowered bound is over; or a stiff one, which goes on by RODAS.
@@ -219,8 +225,9 @@ class Passage:
             if better is not None and kept:
                 control = self.system.control(better, done.control)
                 return here._replace(
-                    chart=better, v=np.concatenate([rates, v[n:]]), control=control, bound=SOFT
-                )
+                    chart=better, v=np.concatenate([rates, v[n:]]), control=control, bound=SOFT,
+                    first_step=LONGER * done.next_step or None,
+                )  # fmt: skip
             if self.settings.step_over and not tried:
                 over = self._over(here, done)
         # Behind a pose that is stepped over, the same chart goes on as soon as it may.
@@ -255,7 +262,8 @@ class Passage:
         held = stand.control.held
         if row >= 0:
             held = done.u[row, done.u.shape[1] - held.size :]
-            stand = stand._replace(t=float(done.t[row]), q=done.q[row], v=done.v[row], turns=None)
+            at = float(done.t[row]), done.q[row], done.v[row]
+            stand = stand._replace(t=at[0], q=at[1], v=at[2], turns=None, first_step=None)
         end = float(done.t[row + 1]) if row + 1 < len(done.t) else done.end_time
         inputs = stack(self.system.inputs, as_signal(held))
         return self._along(stand._replace(control=None), end, save_at, inputs)
@@ -278,7 +286,7 @@ class Passage:
         chart, t, settings = stand.chart, stand.t, self.settings
         first = t == self.start and stand.method is settings.integrator
         steps = min(stand.steps, portion(stand.q.size))
-        pace = stand.pace or (self.pace if first else None)
+        pace = stand.pace or (self.pace if first else None) or stand.first_step
         going_on = stand.bound, steps, save_at, pace, stand.control, stand.turns
         y, problem = np.concatenate((stand.q, stand.v)), self.problem(chart, stand.method, inputs)
         return advanced(problem, y, TimeSpan(stand.q.size, t, t + (end - t), *going_on))

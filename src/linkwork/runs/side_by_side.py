@@ -24,7 +24,7 @@ from linkwork.model.turning import turning
 from linkwork.runs.members import Members
 from linkwork.runs.next_chart import choices
 from linkwork.runs.one_by_one import Progress, Task
-from linkwork.runs.passage import CLOSURE, LOWER, RECOVERED, SHORT, SOFT, Segment, Stand
+from linkwork.runs.passage import CLOSURE, LONGER, LOWER, RECOVERED, SHORT, SOFT, Segment, Stand
 from linkwork.runs.settings import Settings
 from linkwork.simulation import Method, Status, Trajectory
 from linkwork.simulation.admission import times_within
@@ -52,6 +52,7 @@ class Stands:
     saved: at how many of the times to save at they were (M,); steps: how many are left (M,)
     bound: the pivot at which the leg ends (M,)
     short: its duration while the bound is lowered (M,) [s]
+    first_step: of the leg (M,) [s]; 0: it is guessed
     """
 
     chart: CompiledChart
@@ -63,6 +64,7 @@ class Stands:
     steps: np.ndarray
     bound: np.ndarray
     short: np.ndarray
+    first_step: np.ndarray
 
     def __getitem__(self, rows: np.ndarray) -> Stands:
         """Return some of the members."""
@@ -99,6 +101,7 @@ class Leg(NamedTuple):
             turns=done.turns[rows],
             saved=np.searchsorted(save_at, t, "right"),
             steps=before.steps - done.steps[rows] - done.rejected[rows],
+            first_step=np.zeros(rows.size),
         )
 
     def events(self, row: int) -> np.ndarray:
@@ -112,7 +115,8 @@ class Leg(NamedTuple):
         at = self.stands
         q, v = np.split(at.y[row], [self.chart.equations.nq])
         t, steps, bound, short = (of.item(row) for of in (at.t, at.steps, at.bound, at.short))
-        return Stand(self.chart, t, q, v, at.turns[row], None, steps, bound, short, method)
+        here = self.chart, t, q, v, at.turns[row], None, steps, bound, short, method
+        return Stand(*here, first_step=at.first_step.item(row) or None)
 
 
 def begun(batch: Members, settings: Settings) -> Iterator[Stands]:
@@ -138,12 +142,12 @@ def begun(batch: Members, settings: Settings) -> Iterator[Stands]:
         for own, rows in alike(signs):
             rows = np.arange(indices.size) if len(signs) < indices.size else rows
             size, faced = rows.size, chart.with_signs(own)
-            numbers = 0.0, 0, settings.max_steps, SOFT, settings.duration / SHORT
-            t, saved, steps, bound, short = (np.full(size, part) for part in numbers)
+            numbers = 0.0, 0, settings.max_steps, SOFT, settings.duration / SHORT, 0.0
+            t, saved, *going_on = (np.full(size, part) for part in numbers)
             turns = np.zeros((size, robot.equations.nq))
             own_chart = robot.run_charts.setdefault(faced.key, faced)
             own_y = y if size == len(y) else y[rows]
-            yield Stands(own_chart, indices[rows], t, own_y, turns, saved, steps, bound, short)
+            yield Stands(own_chart, indices[rows], t, own_y, turns, saved, *going_on)
 
 
 def side_by_side(
@@ -244,6 +248,7 @@ def integrated(batch: Members, settings: Settings, stands: Stands, progress: Pro
             (stands.t, stands.t + (until - stands.t), stands.bound),
             (stands.members, stands.steps, stands.saved, last),
             stands.turns,
+            stands.first_step,
         ),
         occasion=occasion(batch, chart, states),
     )
@@ -307,7 +312,8 @@ def onward(batch: Members, settings: Settings, leg: Leg) -> tuple[list[Stands], 
     going = [replace(rest, bound=bound, short=short)]
 
     # Where pivots have weakened members change charts; near a singular pose the bound is lowered.
-    better, changed = in_better_charts(batch, here[weak], not settings.step_over)
+    leaving = replace(here[weak], first_step=LONGER * done.next_step[rows[weak]])
+    better, changed = in_better_charts(batch, leaving, not settings.step_over)
     left = weak[~changed]
     if settings.step_over:
         alone = np.concatenate([alone, rows[left]])

@@ -49,7 +49,8 @@ class Roster(NamedTuple):
     `y` and `turns`.
 
     y (M, n), turns (M, nq)
-    numbers (M, 3): when it starts and stops [s], and the bound of its pivots
+    numbers (M, 4): when it starts and stops [s], the bound of its pivots, and its first step [s], 0
+        where that is guessed
     counts (M, 4): its row of the tables of signals and parameters, which may serve all; the steps
         that it may take; its first time to save at, and the last one but before it
     """

@@ -1,5 +1,5 @@
 """How members start, LANES at a time: q is closed, the first slope evaluated, the first step
-guessed.
+guessed where none is given.
 
 What comes of that is kept in `begun`, block after block of LANES members, so that a lane that
 becomes free takes the next member up from there. Names as in `lanes`.
@@ -79,7 +79,7 @@ def start_block(
         turned |= settle(tables)
     close_starts(kernels, limits, tables)
     evaluate_starts(kernels, tables)
-    guess_steps(kernels, method, signals, limits, tables)
+    choose_first_steps(kernels, method, signals, limits, tables)
     keep_starts(first, begun, members, results, turned, tables)
     return turned
 
@@ -112,7 +112,8 @@ def set_out(members, first, signals, parameters, turned, tables):
         # Nothing was done yet.
         tally[STATUS, lane], tally[EVALUATIONS, lane] = OK, 0
         tally[ACCEPTED, lane] = tally[REJECTED, lane] = 0
-        now[CLOSURE_ERROR, lane] = now[REJECTED_RESIDUAL, lane] = now[STEP_SIZE, lane] = 0.0
+        now[CLOSURE_ERROR, lane] = now[REJECTED_RESIDUAL, lane] = 0.0
+        now[STEP_SIZE, lane] = numbers[i, 3]
         now[LOOSE, lane] = now[WANTED, lane] = 1.0
 
 
@@ -147,8 +148,37 @@ def evaluate_starts(kernels, tables):
 
 
 @njit(**INLINED)
-def guess_steps(kernels, method, signals, limits, tables):
-    """Guess the first step from the slope k_0 and one a little ahead, k_1: see `native_pace`."""
+def choose_first_steps(kernels, method, signals, limits, tables):
+    """Take the first steps that are given; guess the others from the slope k_0 and one a little
+    ahead, k_1: see `native_pace`."""
+    now, tally, guessed = tables.now, tables.tally, 0
+    for lane in range(LANES):
+        guessed += now[STEP_SIZE, lane] == 0
+    if guessed > 0:
+        look_ahead(kernels, signals, tables)
+    # How much the slope changes on the way tells how far the step may go.
+    for lane in range(LANES):
+        if tally[STATUS, lane] == OK:
+            h = now[STEP_SIZE, lane]
+            if h == 0:
+                ahead, steepness = now[STEP, lane], now[LOWEST, lane]
+                h = ahead
+                if now[RESIDUAL, lane] >= now[BOUND, lane]:
+                    steepest = max(steepness, now[ERROR, lane] / ahead)
+                    h = (
+                        max(1e-6, 1e-3 * ahead)
+                        if steepest <= 1e-15
+                        else BOLDNESS * (0.01 / steepest) ** method.exponent
+                    )
+                    h = min(FARTHEST * ahead, h)
+                tally[EVALUATIONS, lane] += 1
+            now[STEP_SIZE, lane] = min(h, limits.max_step)
+
+
+@njit(**INLINED)
+def look_ahead(kernels, signals, tables):
+    """Evaluate a slope now[STEP] ahead: leave its pivot in now[RESIDUAL], how far it is from k_0 in
+    now[ERROR], and how steep k_0 is in now[LOWEST]."""
     n, y, x, k, now, tally = tables.n, tables.y, tables.x, tables.k, tables.now, tables.tally
     store(now, ERROR, scaled(y, 0, n, y, tables.scale))
     store(now, LOWEST, scaled(k, 0, n, y, tables.scale))
@@ -162,26 +192,10 @@ def guess_steps(kernels, method, signals, limits, tables):
     for m in range(n):
         store(x, m, load(y, m) + load(now, STEP) * load(k, m))
     call_wide(kernels.motion, x, k, n + 1)
-
-    # How much the slope changes on the way tells how far the step may go.
     store(now, RESIDUAL, load(k, 2 * n + 1))
     for m in range(n):
         store(k, n + 1 + m, load(k, n + 1 + m) - load(k, m))
     store(now, ERROR, scaled(k, n + 1, n, y, tables.scale))
-    for lane in range(LANES):
-        if tally[STATUS, lane] == OK:
-            ahead, steepness = now[STEP, lane], now[LOWEST, lane]
-            h = ahead
-            if now[RESIDUAL, lane] >= now[BOUND, lane]:
-                steepest = max(steepness, now[ERROR, lane] / ahead)
-                h = (
-                    max(1e-6, 1e-3 * ahead)
-                    if steepest <= 1e-15
-                    else BOLDNESS * (0.01 / steepest) ** method.exponent
-                )
-                h = min(FARTHEST * ahead, h)
-            now[STEP_SIZE, lane] = min(h, limits.max_step)
-            tally[EVALUATIONS, lane] += 1
 
 
 @njit(**INLINED)

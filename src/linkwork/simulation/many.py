@@ -149,11 +149,13 @@ class Starts:
     counts: its row of the tables of inputs and parameters; the steps that it may take; of the times
         to save at, the first one's number and the one before which it ends
     turns (M, nq): whole turns of angles that are not in their states
+    first_steps: of their steps (M,) [s]; 0 where it is guessed
     """
 
     numbers: tuple[np.ndarray, np.ndarray, np.ndarray]
     counts: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     turns: np.ndarray
+    first_steps: np.ndarray | float = 0.0
 
     @classmethod
     def alike(
@@ -166,10 +168,11 @@ class Starts:
         return cls((start, stop, bound), (np.arange(members), steps, first, last), turns)
 
     def tables(self, chunk: slice) -> tuple[np.ndarray, np.ndarray]:
-        """Return the numbers (M, 3) and counts (M, 4) of some members."""
+        """Return the numbers (M, 4) and counts (M, 4) of some members."""
+        first_steps = np.broadcast_to(self.first_steps, self.numbers[0].shape)
         numbers, counts = (
             np.column_stack([column[chunk] for column in columns])
-            for columns in (self.numbers, self.counts)
+            for columns in ((*self.numbers, first_steps), self.counts)
         )
         return numbers, counts
 

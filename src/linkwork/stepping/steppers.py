@@ -397,7 +397,8 @@ class Steppers(HeldMembers):
         herd, none = self._herd, np.zeros(who.size, int)
         t, bound = herd.numbers[WHEN, who], herd.numbers[LIMIT, who]
         y, turns = (np.ascontiguousarray(part[:, who].T) for part in (herd.held, herd.turns))
-        return Stands(chart, who, t, y, turns, none, none + 1, bound, np.full(who.size, self.dt))
+        short = np.full(who.size, self.dt)
+        return Stands(chart, who, t, y, turns, none, none + 1, bound, short, np.zeros(who.size))
 
     def _command(self, u: ArrayLike) -> None:
         """Take forces of all members, or refuse them."""
