@@ -63,11 +63,12 @@ class Roster(NamedTuple):
 
 class Results(NamedTuple):
     """What comes of the M members: samples (M, K, n); numbers (M, NUMBERS) and counts
-    (M, COUNTS)."""
+    (M, COUNTS); ended (1,): how many have ended."""
 
     samples: Any
     numbers: Any
     counts: Any
+    ended: Any
 
 
 @njit(**INLINED)
@@ -80,7 +81,7 @@ def stopped(tables):
 
 
 @njit(**INLINED)
-def fill(waiting, members, signals, parameters, begun, save_at, results, turned, progress, tables):
+def fill(waiting, members, signals, parameters, begun, save_at, results, turned, tables):
     """Store the members that have stopped, and load the ones that wait, from number `waiting` on,
     into their lanes.
 
@@ -94,7 +95,7 @@ def fill(waiting, members, signals, parameters, begun, save_at, results, turned,
                 if goes_on(lane, now, tally):
                     break
                 store_member(lane, members, results, turned, tables)
-                progress[0] += tally[STATUS, lane] != SINGULAR and tally[STATUS, lane] != STIFF
+                results.ended[0] += tally[STATUS, lane] != SINGULAR and tally[STATUS, lane] != STIFF
                 tally[MEMBER, lane] = -1
             if waiting == count:
                 break

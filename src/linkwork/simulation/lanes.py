@@ -21,7 +21,7 @@ one signal, or one row of p, all members share it.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, types
@@ -111,6 +111,13 @@ class Demands(NamedTuple):
     redundant: bool
 
 
+class Saving(NamedTuple):
+    """Hold the times to save at (K,) [s], and the samples (M, K, n) that are saved."""
+
+    times: Any
+    samples: Any
+
+
 @njit(**INLINED)
 def attempt(kernels, method, signals, limits, tables):
     """Try a step in all lanes: leave its stages in k, the new states in x, and what is to be said
@@ -151,15 +158,15 @@ def decide(method, limits, tables):
 
 @njit(**OPTIONS)
 def look_into(
-    kernels, method, signals, watched, limits, save_at, samples, peaks, occasions, alone, found,
-    tables, places,
+    kernels, method, signals, watched, limits, saving, peaks, occasions, alone, found, tables,
+    places,
 ):  # fmt: skip
     """Look at what the stages may not have seen within the accepted steps, and take the events and
     samples there; refuse steps in which something is wrong. Return the rows of events.
 
     peaks: whether any lane has come to a peak of the motion
     """
-    now, tally, bending = tables.now, tables.tally, watched.bending
+    now, tally, bending, save_at = tables.now, tables.tally, watched.bending, saving.times
     store(now, LEAST, splat(0.0))
     for lane in range(LANES):
         tally[EXTENDED, lane] = 0
@@ -177,7 +184,7 @@ def look_into(
             STEPPING, occasions, alone, method, signals, limits.closure_tol, found, tables, places
         )
     if save_at.size > 0:
-        take_samples(kernels.closure, method, limits.closure_tol, save_at, samples, tables)
+        take_samples(kernels.closure, method, limits.closure_tol, save_at, saving.samples, tables)
     return found
 
 
@@ -249,8 +256,7 @@ _SIGNATURE = (
     OCCASIONS,
     tuple_type(Roster, _rows, _rows, _rows, _counts),
     _array,
-    tuple_type(Results, _tables, _rows, _counts),
-    _wholes,
+    tuple_type(Results, _tables, _rows, _counts, _wholes),
     _wholes,
 )
 
@@ -258,7 +264,7 @@ _SIGNATURE = (
 @compiled_once("the integrator of ensembles", _SIGNATURE)
 def integrate(
     kernels, plan, limits, sizes, parameters, signals, watched, occasions, members, save_at,
-    results, cancel, progress,
+    results, cancel,
 ):  # fmt: skip
     """Integrate members from their starts to their ends, and leave their last states there.
 
@@ -266,8 +272,7 @@ def integrate(
     parameters (N, np) or (1, np), signals, watched: of which each member has a row; save_at (K,):
     times [s].
     occasions: the events to watch for.
-    cancel (1,): the run ends where it is when another thread writes anything but 0; progress (1,):
-    the members ended.
+    cancel (1,): the run ends where it is when another thread writes anything but 0.
     Return the rows of the events, (t, y, u, residual, event, member).
     """
     # The caller keeps all of this alive.
@@ -284,10 +289,11 @@ def integrate(
     alone, memory, turns = run_alone(occasions, method, n, nq, inputs, free, sizes)
     observed, found = rooms_for(occasions, n, inputs, free), np.empty((FIRST_ROWS, n + inputs + 4))
     places = event_tables(observed, occasions, n, inputs, free, tables.tally)
-    watching, alone.rows = places.count > 0, pointer(found)
+    watching, alone.rows, closure_tol = places.count > 0, pointer(found), limits.closure_tol
     breaks = signals.breaks.size > 0 or watching
     looks = save_at.size > 0 or watched.bending[-1] > watched.bending.size - 1 or watching
 
+    saving = Saving(save_at, results.samples)
     # All members start; then all lanes go step by step, until no member is left.
     turned = start_all(
         kernels, method, signals, limits, members, parameters, begun, results, tables
@@ -296,24 +302,22 @@ def integrate(
     while True:
         if live == 0 or stopped(tables):
             live, waiting = fill(
-                waiting, members, signals, parameters, begun, save_at, results, turned, progress,
-                tables,
-            )  # fmt: skip
+                waiting, members, signals, parameters, begun, save_at, results, turned, tables
+            )
             if watching:
                 found = happen(
-                    STARTING, occasions, alone, method, signals, limits.closure_tol, found, tables,
-                    places,
-                )  # fmt: skip
+                    STARTING, occasions, alone, method, signals, closure_tol, found, tables, places
+                )
         if live == 0 or cancel[0] != 0:
             break
         # A step is tried, judged, and looked into.
         attempt(kernels, method, signals, limits, tables)
         decide(method, limits, tables)
-        peaks, samples = mark_peaks(tables.now), results.samples
+        peaks = mark_peaks(tables.now)
         if looks or peaks:
             found = look_into(
-                kernels, method, signals, watched, limits, save_at, samples, peaks, occasions,
-                alone, found, tables, places,
+                kernels, method, signals, watched, limits, saving, peaks, occasions, alone, found,
+                tables, places,
             )  # fmt: skip
         book(method.exponent, tables)
         # Where it is accepted the lane goes on from its end.
@@ -325,7 +329,7 @@ def integrate(
             restart(kernels.motion, method.solution, signals, tables)
         if watching:
             found = happen(
-                BEHIND, occasions, alone, method, signals, limits.closure_tol, found, tables, places
+                BEHIND, occasions, alone, method, signals, closure_tol, found, tables, places
             )
         go_on(method, tables)
         if some(large(tables)):

@@ -360,8 +360,8 @@ def _outcomes(
             numbers[chunk, rows.TIME] = starts.numbers[0][chunk]
         else:
             roster = lanes.Roster(states[chunk], turns[chunk], *starts.tables(chunk))
-            results = lanes.Results(samples[chunk], numbers[chunk], counts[chunk])
-            found[i] = lanes.integrate(*asked, roster, times, results, cancel, ended[i])
+            results = lanes.Results(samples[chunk], numbers[chunk], counts[chunk], ended[i])
+            found[i] = lanes.integrate(*asked, roster, times, results, cancel)
             found[i][:, -1] += chunk.start
         kept = np.arange(times.size)
         saved = (kept >= starts.counts[2][chunk, None]) & (kept < counts[chunk, rows.SAVED, None])
