@@ -31,6 +31,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -44,6 +45,14 @@ TINY = 1e-200  # square of a velocity that has no direction [m^2/s^2]
 ALIKE = (
     1e-6  # half axes that differ by less carry no fluid when they turn, as parts of the greatest
 )
+
+
+class AddedMass(NamedTuple):
+    """The fluid that an ellipsoid carries along, by axis, for a density of one: its mass [m^3] when
+    it slides and its inertia [m^5] when it turns."""
+
+    mass: np.ndarray
+    inertia: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -147,9 +156,8 @@ def on_ellipsoid(drag: EllipsoidDrag, fluid: Fluid, omega: ca.SX, u: ca.SX) -> t
     return force, moment - (pi * fluid.viscosity * sphere**3 + quadratic) * omega
 
 
-def added(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mass [m^3] and the inertia [m^5] of the fluid that an ellipsoid with the half axes
-    a carries along, by axis, for a density of one."""
+def added(a: np.ndarray) -> AddedMass:
+    """Return the fluid that an ellipsoid with the half axes a carries along."""
     from scipy.special import elliprd
 
     volume, square = 4 / 3 * pi * a.prod(), a**2
@@ -160,4 +168,4 @@ def added(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     turned = np.where(
         round_, 0.0, -gap * gap * apart / np.where(round_, 1.0, 2 * gap + both * apart)
     )
-    return volume * k / (2 - k), volume * turned / 5
+    return AddedMass(volume * k / (2 - k), volume * turned / 5)

@@ -1,7 +1,7 @@
 """The fluid of an MJCF model, and what of the bodies it acts on.
 
-MuJoCo lets it act on each geom with fluidshape="ellipsoid" as on the ellipsoid of its size, and on
-all other bodies as on the box that has their inertia:
+MuJoCo lets it act on each geom with fluidshape="ellipsoid" as on the ellipsoid of its size, which
+carries along what MuJoCo sums of it, and on all other bodies as on the box that has their inertia:
 
     edge_i = sqrt(6 (I_j + I_k - I_i) / m)
 
@@ -15,6 +15,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from linkwork.formats import poses
+from linkwork.formats.mjcf.carried_fluid import as_summed, gap
 from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.geoms import SIZES, kind_of, measured
 from linkwork.formats.mjcf.tree import LEAST, ModelBody, ModelTree
@@ -28,6 +29,7 @@ COEFFICIENTS = {"blunt": 0.5, "slender": 0.25, "angular": 1.5, "lift": 1.0, "mag
 """The numbers of fluidcoef in their order."""
 FLAT = 1e-15  # least of I_j + I_k - I_i [kg m^2], as in MuJoCo
 ALIKE = 1e-9  # moments that differ by less have no axes of their own, relative to the greatest
+ROUGH = 1e-3  # part of the fluid that is carried along
 UNTURNED = (
     "has equal moments of inertia, and no axes of its own for the box on which the fluid acts; "
     "those chosen here may not be MuJoCo's"
@@ -72,16 +74,17 @@ def _of_body(
             radii, place = found
             given = geom.numbers("fluidcoef", (1, 2, 3, 4, 5), ())
             named = dict(zip(COEFFICIENTS, given, strict=False))
-            yield (
-                geom.attributes.get("name") or f"{node.name}_{number}",
-                geom.make(
-                    EllipsoidDrag,
-                    body=node.name,
-                    frame=poses.frame_of(X @ place),
-                    radii=poses.triple(radii),
-                    **{**COEFFICIENTS, **named},
-                ),
+            drag = geom.make(
+                EllipsoidDrag,
+                body=node.name,
+                frame=poses.frame_of(X @ place),
+                radii=poses.triple(radii),
+                **{**COEFFICIENTS, **named},
             )
+            off = gap(drag)
+            if off > ROUGH:
+                notes.on(geom, f"carries along fluid as MuJoCo sums it, {off:.1g} off the integral")
+            yield geom.attributes.get("name") or f"{node.name}_{number}", as_summed(drag)
 
 
 def _half_axes(

@@ -11,6 +11,7 @@ import numpy as np
 
 from linkwork.equations.fluid import felt
 from linkwork.formats import poses
+from linkwork.formats.mjcf.carried_fluid import gap
 from linkwork.formats.mjcf.fluid import COEFFICIENTS, sides_of
 from linkwork.formats.mjcf.laws import number, numbers
 from linkwork.formats.mjcf.model_plan import Seat
@@ -20,6 +21,7 @@ from linkwork.mechanism.fluid import Drag
 
 FLATTEST = 1e-3  # of sides, relative to the greatest
 ALIKE = 1e-6  # of sides, places and products of inertia, relative to the greatest
+SAME = 1e-12  # of fluid that is carried along
 
 
 def write_fluid(sheet: Sheet) -> None:
@@ -48,6 +50,10 @@ def write_fluid(sheet: Sheet) -> None:
             }
             own |= placed(poses.of_frame(drag.frame))
             ET.SubElement(sheet.elements[drag.body], "geom", attrib=own)
+            if gap(drag) > SAME:
+                sheet.notes.say(
+                    f"{name}: the fluid that MuJoCo has it carry along differs by {gap(drag):.1g}"
+                )
 
 
 def unlike(sheet: Sheet) -> str:
@@ -89,8 +95,8 @@ def _as_in_mujoco(body: Body, drags: list[Drag]) -> bool:
     """Tell whether MuJoCo's fluid acts on a body as some drags do."""
     ellipsoids = [drag for drag in drags if isinstance(drag, EllipsoidDrag)]
     if ellipsoids:
-        own = any(drag.added_mass or drag.added_inertia for drag in ellipsoids)
-        return len(ellipsoids) == len(drags) and not own
+        own = [drag for drag in ellipsoids if drag.added_mass or drag.added_inertia]
+        return len(ellipsoids) == len(drags) and all(gap(drag) <= ALIKE for drag in own)
     box = drags[0] if len(drags) == 1 else None
     if not isinstance(box, BoxDrag) or body.inertia.planar or not body.mass:
         return False
