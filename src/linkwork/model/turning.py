@@ -12,7 +12,6 @@ any other operation does not. Springs, gears and controllers that read an angle 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -37,18 +36,34 @@ def turning(own: Turning, chart: CompiledChart, acting: Acting | None) -> Turnin
     """
     if acting is None:
         return own
-    return replace(
-        own,
-        wraps=own.wraps
-        * chart.kept(f"{acting.key} wraps", lambda: unread(acting, chart.equations)),
-    )
+    free = chart.kept(f"{acting.key} wraps", lambda: unread(acting, chart.equations))
+    return _bounded(own.spans, own.wraps * free, chart)
 
 
 def own_turning(chart: CompiledChart, length: float) -> Turning:
     """Return the same where nothing but forces over time acts; length: the robot's size [m]."""
-    return Turning(
-        SPAN * sizes(chart.equations, length), chart.kept("wraps", lambda: wrapping(chart))
-    )
+    wraps = chart.kept("wraps", lambda: wrapping(chart))
+    return _bounded(SPAN * sizes(chart.equations, length), wraps, chart)
+
+
+def _bounded(spans: np.ndarray, wraps: np.ndarray, chart: CompiledChart) -> Turning:
+    """Return which coordinates are bounded: no loop opens by how large others are, such as where a
+    body is that floats."""
+    entering = chart.kept("entering", lambda: entering_closure(chart))
+    return Turning(np.where((wraps > 0) | (entering > 0), spans, np.inf), wraps)
+
+
+def entering_closure(chart: CompiledChart) -> np.ndarray:
+    """Return which coordinates (nq) the residual of the closure depends on, 1 or 0."""
+    nq, program = chart.equations.nq, chart.kernel("closure_step").traced()
+    needed, found = needed_for(program, [program.results[nq]]), np.zeros(nq)
+    places = [
+        int(n.value)
+        for n, asked in zip(program.nodes, needed, strict=True)
+        if asked and n.op == "input"
+    ]
+    found[[place for place in places if place < nq]] = 1
+    return found
 
 
 def sizes(equations: Equations, length: float) -> np.ndarray:
@@ -170,18 +185,11 @@ def shares(
     given: the shares of its first inputs; wanted: the places of the results that count, all if left
     out
     """
-    # What the wanted results depend on.
     nodes = program.nodes
     results = (
         list(program.results) if wanted is None else [program.results[place] for place in wanted]
     )
-    needed = bytearray(len(nodes))
-    for place in results:
-        needed[place] = 1
-    for place in range(len(nodes) - 1, -1, -1):
-        if needed[place]:
-            for arg in nodes[place].args:
-                needed[arg] = 1
+    needed = needed_for(program, results)
     # Forwards: a sum of a_i angle_i keeps its shares; a sine forgives whole ones; all else sees the
     # angle.
     none: Shares = {}
@@ -207,6 +215,18 @@ def shares(
         else:
             seen |= {i for share in own for i in share}
     return [values[place] for place in results], seen
+
+
+def needed_for(program: Program, results: Sequence[int]) -> bytearray:
+    """Return which nodes of a program some of them depend on."""
+    needed = bytearray(len(program.nodes))
+    for place in results:
+        needed[place] = 1
+    for place in range(len(program.nodes) - 1, -1, -1):
+        if needed[place]:
+            for arg in program.nodes[place].args:
+                needed[arg] = 1
+    return needed
 
 
 def factors_of(op: str, constants: Sequence[float | None]) -> tuple[float, ...] | None:

@@ -9,8 +9,8 @@ span it is taken back to between -pi and pi,
 
 with HIGH of so few digits that turns HIGH is exact.
 
-Of any other coordinate the closure is asked for what doubles of its size can hold: the tolerance
-grows with |q| / span.
+Of any other coordinate that loops depend on the closure is asked for what doubles of its size can
+hold: the tolerance grows with |q| / span.
 """
 
 from __future__ import annotations
