@@ -18,6 +18,7 @@ from linkwork.mechanism import (
     Body,
     FixedJoint,
     Frame,
+    FreeJoint,
     Inertia,
     Mechanism,
     PrismaticJoint,
@@ -214,6 +215,32 @@ def test_independent_rates_are_the_preferred_ones_as_far_as_they_determine_the_m
         turned = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
         locked = np.insert(turned, 2, 0.0, axis=1)
         assert choose_independent(locked, (0, 1, 3)) == (2,)
+
+
+def test_rates_that_no_row_holds_are_chosen_beside_the_others():
+    """With columns of zeros the choice among the others is the one without them, in the same order;
+    of thousands of rates that nothing holds it takes no longer than their number asks."""
+    random = np.random.default_rng(3)
+    Phi, places = random.normal(size=(3, 7)), np.array([1, 2, 4, 5, 8, 9, 10])
+    wide = np.zeros((3, 12))
+    wide[:, places] = Phi
+    for preferred in ((), (2, 6), (5, 1, 0)):
+        small = choose_independent(Phi, preferred)
+        asked = [int(places[k]) for k in preferred]
+        found = choose_independent(wide, [*asked[:1], 3, *asked[1:]])
+        assert [k for k in found if k in places] == [places[k] for k in small]
+        assert sorted(set(found) - {*places.tolist()}) == [0, 3, 6, 7, 11]
+        assert found.index(3) == len(asked[:1])
+    assert choose_independent(np.zeros((0, 6000)), range(100, 6000))[:2] == (100, 101)
+
+
+def test_what_floats_alone_is_derived_in_proportion():
+    """Bodies that nothing joins: each rate is its own, and no matrix of all of them is filled."""
+    bodies = {f"b{i}": Body(mass=1, inertia=Inertia(xx=1, yy=1, zz=1)) for i in range(30)}
+    joints = {f"f{name}": FreeJoint(connects=("ground", name)) for name in bodies}
+    equations = derive(Mechanism(bodies=bodies, joints=joints))
+    assert equations.elimination.L.nnz() == equations.nv == 180
+    assert equations.tree.derivative_map.nnz() == 30 * (3 + 12)
 
 
 def test_dependent_rows_are_left_out():

@@ -141,7 +141,7 @@ def chart_of(
     width: int,
 ) -> Chart:
     """Return the chart with an order of elimination and the scale of each block."""
-    dependent = tuple(j for j in range(width) if j not in independent)
+    dependent = tuple(sorted({*range(width)} - {*independent}))
     left = iter(scales)
     filled = tuple(Stage(tuple(blocks), tuple(next(left) for _ in blocks)) for blocks in stages)
     return Chart(tuple(independent), dependent, tuple(rows), filled)

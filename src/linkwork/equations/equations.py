@@ -247,9 +247,11 @@ class Equations:
         return Elimination(full[:, :-1], full[:, -1], weakest(pivots))
 
     def scatter(self, dependent: dict[int, ca.SX], independent: ca.SX) -> ca.SX:
-        """Arrange rows of dependent and independent rates in the tree's order."""
+        """Arrange rows of dependent and independent rates in the tree's order; they stay sparse
+        where none is dependent."""
         rows = dict(zip(self.chart.independent, ca.vertsplit(independent), strict=True)) | dependent
-        return ca.densify(ca.vertcat(*[rows[j] for j in range(self.nv)]))
+        found = ca.vertcat(*[rows[j] for j in range(self.nv)])
+        return ca.densify(found) if dependent else found
 
     @property
     def rates(self) -> ca.SX:

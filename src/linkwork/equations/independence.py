@@ -107,17 +107,20 @@ def choose_independents(
     # A rate that the constraints hold has no more than rounding left.
     least = np.maximum((share * np.maximum(np.sqrt(left), share)) ** 2, ROUNDING * width)
     chosen, count = np.full((groups, n), -1), np.zeros(groups, int)
-    free = np.ones((width, groups), bool)
+    free, idle = np.ones((width, groups), bool), ~held.any(axis=(0, 2))
 
     def take(rates: np.ndarray | int, able: np.ndarray) -> None:
         at = (rates, slice(None)) if isinstance(rates, int) else (rates, every)
-        direction = np.zeros((width, groups))
-        direction[at] = 1.0
-        for other in directions:
-            direction -= other[at] * other
-        direction *= able / np.sqrt(np.maximum(left[at], 1e-300))
-        directions.append(direction)
-        np.maximum(left - direction**2, 0.0, out=left)
+        if idle[rates].all():  # no other rate has to do with what no constraint holds any part of
+            left[at] *= ~able
+        else:
+            direction = np.zeros((width, groups))
+            direction[at] = 1.0
+            for other in directions:
+                direction -= other[at] * other
+            direction *= able / np.sqrt(np.maximum(left[at], 1e-300))
+            directions.append(direction)
+            np.maximum(left - direction**2, 0.0, out=left)
         free[at] &= ~able
         chosen[every[able], count[able]] = np.broadcast_to(rates, groups)[able]
         count[able] += 1

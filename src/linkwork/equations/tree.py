@@ -266,12 +266,12 @@ class Tree:
     def derivative_map(self) -> ca.SX:
         """N (nq x nv, sparse) with q' = N w: unit rows, but p' = (0, omega) p / 2 of
         quaternions."""
-        N = SX(len(self.coordinates), len(self.rates))
-        for place, k in self.single:
-            N[place, k] = 1
+        at, values = self.single.copy(), [SX.ones(len(self.single))]
         for places, ks in self.quaternions:
-            N[list(places), list(ks)] = quaternion_map(self.q[list(places)])
-        return N
+            at += [(place, k) for k in ks for place in places]
+            values.append(ca.vec(quaternion_map(self.q[list(places)])))
+        lists = ([place[i] for place in at] for i in range(2))
+        return SX.triplet(*lists, ca.vertcat(*values), len(self.coordinates), len(self.rates))
 
     def derivatives(self, rates: ca.SX) -> ca.SX:
         """Return q' for the rates w."""
