@@ -135,6 +135,20 @@ def count(value: object, what: str) -> int:
     return int(result)
 
 
+def among(value: object, allowed: Iterable[object]) -> bool:
+    """Tell whether a value is one of some names or numbers; what is compared part by part is
+    none."""
+    return isinstance(value, str | float | int | np.generic | None) and value in tuple(allowed)
+
+
+def random_numbers(seed: object) -> np.random.Generator:
+    """Return what makes random numbers, the same for the same seed; refuse what is no seed."""
+    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
+    if seed is not None and not (whole and seed >= 0):
+        raise LinkworkError(f"seed is {shown(seed)}; give a whole number, not below zero")
+    return np.random.default_rng(seed)  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
     """Refuse in one sentence where a file cannot be written."""
@@ -169,6 +183,13 @@ def file_path(value: object, what: str) -> Path:
     """Return the path of a file; refuse what is none."""
     if not isinstance(value, str | PathLike):
         raise LinkworkError(f"{what} is {shown(value)}; give the path of a file")
+    return Path(value)
+
+
+def folder_path(value: object, what: str) -> Path:
+    """Return the path of a folder; refuse what is none."""
+    if not isinstance(value, str | PathLike):
+        raise LinkworkError(f"{what} is {shown(value)}; give the path of a folder")
     return Path(value)
 
 

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.analysis.newton import Solver, random_configurations, solver
 from linkwork.analysis.square import Square, of_joints, of_tool
-from linkwork.checks import amount, needed
+from linkwork.checks import amount, needed, random_numbers
 from linkwork.equations import body_motion, functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
@@ -159,7 +159,7 @@ def working_modes(
             motion, a continuum of solutions.
     """
     needed(robot, Robot)
-    square = of_tool(robot, what)
+    square = of_tool(robot, None if what is None else checks.names(what, "what"))
     if tool is None:
         asked = robot.task_values(robot.home, square.what)
     else:
@@ -190,7 +190,7 @@ def search(square: Square, asked: np.ndarray, key, most: int, seed: int) -> Mode
     """Run Newton's method from random starts until the count of solutions is sure."""
     if not isinstance(most, int) or most < 1:
         raise LinkworkError(f"starts is {most!r}; give a whole number above zero")
-    problem, random = solver(square), np.random.default_rng(seed)
+    problem, random = solver(square), random_numbers(seed)
     gathered = Gathered.none(
         square.equations.nq, key(square, square.equations.reference[None]).shape[1]
     )

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linkwork.checks import amount, needed
+from linkwork.checks import amount, count, needed, random_numbers
 from linkwork.equations import regressor
 from linkwork.equations.reference import unit
 from linkwork.errors import LinkworkError
@@ -151,7 +151,7 @@ def base_parameters(
     """
     needed(robot, Robot)
     made = regressor_of(robot, effects)
-    states, accelerations = random_motions(robot, samples, seed)
+    states, accelerations = random_motions(robot, count(samples, "samples"), seed)
     units = made.units(pace(robot))
     Y = alike(made(states, accelerations) * own_rates(robot, states)[:, None], units)
     size = np.linalg.norm(Y, axis=0)
@@ -199,7 +199,7 @@ def independent(columns: np.ndarray) -> list[int]:
 def random_motions(robot: Robot, samples: int, seed: int) -> tuple[State, np.ndarray]:
     """Return random closed states near the reference (N) with random rates, and accelerations
     (N, n)."""
-    random = np.random.default_rng(seed)
+    random = random_numbers(seed)
     q = random_configurations(robot, samples, random)
     sizes = (pace(robot) ** order * own_rates(robot, robot.home) for order in (1, 2))
     v, dv = (size * random.standard_normal((samples, robot.mobility)) for size in sizes)

@@ -25,6 +25,7 @@ import numpy as np
 
 from linkwork.analysis._jacobians import jacobians
 from linkwork.analysis._workspace import content
+from linkwork.checks import names
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
 
@@ -86,7 +87,7 @@ def dexterity(
     Raises:
         LinkworkError: as `jacobians`.
     """
-    made = jacobians(robot, None if what is None else tuple(what))
+    made = jacobians(robot, None if what is None else names(what, "what"))
     x, q = made.lengths(length)
     K, J, *_ = made(robot.own(state).q)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

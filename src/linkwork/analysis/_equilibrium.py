@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.analysis.newton import random_configurations, solver
 from linkwork.analysis.square import of_joints
-from linkwork.checks import needed
+from linkwork.checks import count, needed, random_numbers, reals, shown, switch
 from linkwork.equations.fluid import in_wind
 from linkwork.errors import LinkworkError
 from linkwork.model import checks, closing
@@ -93,6 +93,7 @@ def equilibrium(
         LinkworkError: no equilibrium is found from this guess.
     """
     needed(robot, Robot)
+    switch(stable, "stable")
     u = actuator_forces(robot, forces)
     state = at_rest(robot.home if guess is None else robot.own(guess))
     one_state(robot, state)
@@ -136,7 +137,8 @@ def equilibria(
     u = actuator_forces(robot, forces)
     names = tuple(name for name in robot.independent if name in robot.coordinates)
     problem = solver(of_joints(robot, names))
-    q = random_configurations(problem.square, problem.length, starts, np.random.default_rng(seed))
+    random = random_numbers(seed)
+    q = random_configurations(problem.square, problem.length, count(starts, "starts"), random)
     asked = robot.kernel("positions")(q)[0][:, [robot.coordinates.index(name) for name in names]]
     q, good = problem.solve(q, asked, 60)
     found: list[Equilibrium] = []
@@ -339,9 +341,9 @@ def bound(robot: Robot, values: ArrayLike | Mapping[str, float], what: str) -> n
                 f"{what} lack {', '.join(missing)}; give all of {', '.join(robot.actuators)}"
             )
         values = [values[name] for name in robot.actuators]
-    array = np.asarray(values, float)
-    if array.shape not in ((), (len(robot.actuators),)) or np.isnan(array).any():
-        raise LinkworkError(
-            f"{what} {array.tolist()} do not fit; give one number, or one per actuator"
-        )
+    array = reals(values)
+    fits = array is not None and array.shape in ((), (len(robot.actuators),))
+    if array is None or not fits or np.isnan(array).any():
+        given = shown(values) if array is None else array.tolist()
+        raise LinkworkError(f"{what} {given} do not fit; give one number, or one per actuator")
     return np.broadcast_to(array, len(robot.actuators)).copy()

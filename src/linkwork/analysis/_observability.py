@@ -23,7 +23,7 @@ from typing import Literal
 import numpy as np
 
 from linkwork.analysis.measured_poses import PoseModel, model_of, readings_of
-from linkwork.checks import amount, needed, shown
+from linkwork.checks import among, amount, names, needed, shown
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.parameter_units import unit_of_parameter
 from linkwork.patience import announced
@@ -170,14 +170,14 @@ def planned(
 ) -> tuple[PoseModel, np.ndarray]:
     """Return the model of poses that are to be measured, and its derivatives at them (N, rows,
     np)."""
-    if measure not in ("pose", "position", "nothing"):
+    if not among(measure, ("pose", "position", "nothing")):
         raise LinkworkError(
             f"measure is {shown(measure)}; choose from 'pose', 'position', 'nothing'"
         )
     space = {"pose": range(6), "position": range(3, 6), "nothing": ()}
     plane = {"pose": (2, 3, 4), "position": (3, 4), "nothing": ()}
     rows = tuple((plane if robot.planar else space)[measure])
-    model = model_of(robot, rows, tuple(joints), **noise)  # pyright: ignore[reportArgumentType]
+    model = model_of(robot, rows, names(joints, "joints"), **noise)  # pyright: ignore[reportArgumentType]
     q, readings = readings_of(robot, states)
     return model, model.slopes(model.closed(q, readings, robot.p), robot.p)
 

@@ -97,6 +97,7 @@ def transmission_indices(robot: Robot, state: State) -> TransmissionIndices:
             turns between two moving bodies, or without a unique transmission wrench, by name.
     """
     needed(robot, Robot)
+    needed(state, State)
     # All moments are about the tool, however far from the ground's origin it is.
     robot.require_tool()
     require_single(robot)

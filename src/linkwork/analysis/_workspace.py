@@ -36,6 +36,7 @@ from linkwork.analysis._jacobians import Jacobians, jacobians
 from linkwork.analysis.grid_branches import GridBranch, actuated, tells_all
 from linkwork.analysis.newton import CHUNK, Solver, in_threads, solver
 from linkwork.analysis.singular_values import singular_values
+from linkwork.checks import by_name, reals, shown
 from linkwork.equations.algebra import wrapped
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.limits import limited
@@ -227,10 +228,10 @@ def bounds(
         )
         for label, limit, _ in limited(robot.mechanism)
     ]
-    for name, pair in (given or {}).items():
+    for name, pair in by_name(given, "the limits", f"{{'{robot.coordinates[0]}': (0, 1)}}").items():
         checks.known((name,), robot.coordinates, "joint")
-        ends = np.asarray(pair, float)
-        if ends.shape != (2,) or not ends[0] < ends[1]:
+        ends = reals(pair)
+        if ends is None or ends.shape != (2,) or not ends[0] < ends[1]:
             raise LinkworkError(
                 f"the limits of {name!r} are {pair!r}; give a lower and a larger upper bound"
             )
@@ -261,7 +262,7 @@ def positive(
     """Return positive bounds of all actuators: one number, one each, or by name."""
     if values is None:
         return None
-    if np.ndim(values) == 0 and not isinstance(values, Mapping):  # pyright: ignore
+    if not isinstance(values, Mapping) and np.ndim(values) == 0:
         values = [checks.number(values, what)] * len(robot.actuators)
     return of_actuators(robot, values, what)
 
@@ -389,6 +390,7 @@ def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[st
     """
     from scipy.ndimage import distance_transform_edt
 
+    require_workspace(mapped)
     dims = mapped["reachable"].dims
     axes = [mapped[name].values for name in dims]
     for name, axis in zip(dims, axes, strict=True):
@@ -411,12 +413,23 @@ def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[st
     return centre, float(distance[best])
 
 
+def require_workspace(mapped: object, quantity: str = "reachable") -> None:
+    """Refuse what is no workspace, or one without a quantity."""
+    import xarray
+
+    if not isinstance(mapped, xarray.Dataset) or quantity not in mapped:
+        raise LinkworkError(
+            f"the workspace is {shown(mapped)}; give one made by linkwork.analysis.workspace"
+        )
+
+
 def content(mapped: xarray.Dataset) -> float:
     """Return the area or volume of the reached poses [m, rad to the number of axes], to the
     accuracy of the grid.
 
     mapped: as `workspace` gives it, over at least one axis.
     """
+    require_workspace(mapped)
     share = mapped["reachable"]
     for name in share.dims:
         share = share.astype(float).integrate(name)

@@ -72,7 +72,7 @@ def sources_of(
 
 def tolerances_of(mechanism: Mechanism, given: Any) -> Iterator[tuple[str, float]]:
     """Yield paths and tolerances, patterns replaced by all the paths that they match."""
-    named = checks.by_name(given or {}, "the tolerances", "{'rod_*.length': 1e-5}")
+    named = checks.by_name(given, "the tolerances", "{'rod_*.length': 1e-5}")
     taken: dict[Where, str] = {}
     for pattern, value in named.items():
         size = checks.positive(value, f"the tolerance of {pattern!r}")

@@ -23,7 +23,7 @@ from linkwork.analysis._workspace import positive
 from linkwork.analysis.identification import fourier, tracked
 from linkwork.analysis.newton import Solver, solver
 from linkwork.analysis.square import of_joints
-from linkwork.checks import amount, needed
+from linkwork.checks import amount, needed, random_numbers
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.linear import own_rates
@@ -181,9 +181,7 @@ def exciting_trajectory(
             "exciting trajectories are made of actuators whose rates are the independent ones"
         )
     checks.positive(period, "the period")
-    if not (
-        isinstance(harmonics, int) and isinstance(trials, int) and harmonics > 0 and trials > 0
-    ):
+    if not all(type(number) is int and number > 0 for number in (harmonics, trials)):
         raise LinkworkError(
             f"harmonics and trials are {harmonics!r} and {trials!r}; give whole numbers above zero"
         )
@@ -204,7 +202,7 @@ def exciting_trajectory(
     )
     # Trials that stay in the workspace; the spread of their columns makes parameters of different
     # units comparable.
-    random = np.random.default_rng(seed)
+    random = random_numbers(seed)
     shapes = random.standard_normal((trials, lower.size * (1 + 2 * harmonics)))
     stacks = [(shape, Y) for shape in shapes if (Y := search.stacked(shape)) is not None]
     if not stacks:

@@ -28,7 +28,7 @@ from linkwork.analysis.square import of_joints
 from linkwork.checks import finite, needed, shown
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
-from linkwork.model.linear import own_rates
+from linkwork.model.linear import one_state, own_rates
 from linkwork.notebooks import Portrayed
 from linkwork.patience import announced
 from linkwork.robot import Robot, State, UnreachableError
@@ -156,6 +156,7 @@ def identify(
 
 def motion_of(robot: Robot, measured: Measured | Run) -> Measured:
     """Return a measured motion with its forces, as numbers that fit the robot."""
+    needed(robot, Robot)
     if isinstance(measured, Run):
         return of_run(robot, measured)
     if not isinstance(measured, Measured):
@@ -241,7 +242,7 @@ def periodic(
     series = [fourier(t, 2 * np.pi / period, harmonics, order) for order in range(3)]
     coefficients = np.linalg.lstsq(series[0], q_a, rcond=None)[0]
     smooth, v, dv = (basis @ coefficients for basis in series)
-    start = (robot.home if guess is None else robot.own(guess)).q
+    start, _ = one_state(robot, robot.home if guess is None else guess)
     return Measured(robot.make_state(tracked(robot, smooth, start), v), dv, u)
 
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import amount, needed
+from linkwork.checks import amount, needed, shown
 from linkwork.equations.fluid import in_wind
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
@@ -158,6 +158,7 @@ def stiffness_matrix(
     (actuators) [N, N m], or by name (others zero); zero if left out.
     """
     needed(robot, Robot)
+    needed(state, State)
     return evaluated(robot, at_rest(state), actuator_forces(robot, forces))["K"]
 
 
@@ -189,6 +190,12 @@ def tool_stiffness(
         LinkworkError: unknown joints, negative stiffness, joints that leave the robot loose.
     """
     needed(robot, Robot)
+    needed(state, State)
+    if not isinstance(stiffness, Mapping):
+        raise LinkworkError(
+            f"the stiffnesses are {shown(stiffness)}; give them by name, such as "
+            f"{{'{robot.rates[0]}': 1e5}}"
+        )
     checks.known(stiffness, robot.rates, "rate")
     for name, value in stiffness.items():
         if checks.number(value, f"the stiffness of {name!r}") < 0:

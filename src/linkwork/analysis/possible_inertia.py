@@ -25,7 +25,7 @@ import numpy as np
 
 from linkwork.analysis._base_parameters import regressor_of
 from linkwork.analysis.identification import Identification, Measured, motion_of
-from linkwork.checks import positive, shown
+from linkwork.checks import among, positive, shown
 from linkwork.equations.regressor import OF_BODIES
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Body, Inertia, Mechanism
@@ -282,7 +282,7 @@ def payload(
     robot.require_tool()
     positive(spread, "spread")
     name = next(iter(robot.mechanism.tools)) if tool is None else tool
-    if name not in robot.mechanism.tools:
+    if not among(name, robot.mechanism.tools):
         known = ", ".join(robot.mechanism.tools)
         raise LinkworkError(f"there is no tool {shown(name)}; the tools are {known}")
     held = robot.mechanism.tools[name]

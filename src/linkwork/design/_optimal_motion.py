@@ -240,7 +240,7 @@ def own_state(robot: Robot, state: State, what: str) -> State:
 
 def refuse_cost(robot: Robot, minimise: str, duration: float | None) -> None:
     """Refuse what is no cost, and an effort without a duration, or in two units."""
-    if minimise not in ("time", "effort"):
+    if not checks.among(minimise, ("time", "effort")):
         raise LinkworkError(
             f"what is to be least is {checks.shown(minimise)}; give 'time' or 'effort'"
         )

@@ -104,7 +104,7 @@ def optimise(
             pose, so that the robot does not get there from its home.
     """
     checks.needed(robot, Robot)
-    kept = {} if subject_to is None else dict(subject_to)
+    kept = checks.by_name(subject_to, "the bounds of measures", "{measure: 1.0}")
     for measure in (objective, *kept):
         if not isinstance(measure, Measure):
             raise LinkworkError(

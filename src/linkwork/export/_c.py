@@ -95,6 +95,7 @@ def c(
     choose("precision", precision, ("double", "float"))
     choose("parameters", parameters, ("fixed", "free"))
     choose("sines", sines, ("polynomial", "libm"))
+    checks.switch(misra, "misra")
     free = parameters == "free"
     if free and not robot.parameters:
         raise LinkworkError(
@@ -107,7 +108,7 @@ def c(
 
 def choose(what: str, value: object, allowed: tuple[str, ...]) -> None:
     """Refuse a choice that there is not."""
-    if value not in allowed:
+    if not checks.among(value, allowed):
         named = " or ".join(map(repr, allowed))
         raise LinkworkError(f"{what} is {checks.shown(value)}; give {named}")
 

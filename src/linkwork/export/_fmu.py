@@ -111,7 +111,7 @@ def fmu(
             compiler, or another choice that there is not.
     """
     checks.needed(robot, Robot)
-    if version not in VERSIONS:
+    if not checks.among(version, VERSIONS):
         raise LinkworkError(f'version is {checks.shown(version)}; give "3.0" or "2.0"')
     own = prefix(robot.mechanism.name) if name is None else given_prefix(name)
     kinds = kinds_of(robot, outputs)

@@ -42,7 +42,7 @@ def sympy(robot: Robot, *, symbols: SymbolsOf = "free") -> ClosedForms:
     Source: the paper, Eqs. (1), (2), (7), (10)-(12).
     """
     checks.needed(robot, Robot)
-    if symbols not in ("free", "all"):
+    if not checks.among(symbols, ("free", "all")):
         raise LinkworkError(f"symbols is {checks.shown(symbols)}; choose from 'free', 'all'")
     try:
         from linkwork.export.symbolic.derivation import derived

@@ -20,10 +20,12 @@ from typing import Literal
 
 import casadi as ca
 
+from linkwork import checks
 from linkwork.equations import Equations, bearings, body_motion, functions
 from linkwork.equations.algebra import SX
 from linkwork.equations.functions import forces_needed
 from linkwork.equations.linear import reading, shifted
+from linkwork.errors import LinkworkError
 from linkwork.gradients import differentiable
 from linkwork.gradients.differentiable import Differentiable, Throughout
 from linkwork.gradients.missing_forces import ForwardDynamics, NeededForces
@@ -153,12 +155,21 @@ DIFFERENTIABLE: dict[str, Callable[[Equations], Differentiable]] = {
 }
 
 
+def require(what: object, form: object) -> None:
+    """Refuse what is not differentiated, and another form."""
+    checks.known((what,), tuple(DIFFERENTIABLE), "derivative")
+    checks.known((form,), ("jacobian", "jvp", "vjp"), "form")
+
+
 def expressed(equations: Equations, what: str, form: Form) -> ca.Function:
     """Return a derivative as a CasADi function, by what is differentiated and the form.
 
     equations: whose rates count; what: a name of `DIFFERENTIABLE`; form: "jacobian", "jvp" or
     "vjp".
     """
+    require(what, form)
+    if not isinstance(equations, Equations):
+        raise LinkworkError(f"the equations are {checks.shown(equations)}; give robot.equations")
     make = getattr(differentiable, form)
     return make(f"{what}_{form}", DIFFERENTIABLE[what](equations))
 
@@ -169,6 +180,9 @@ def compiled(chart: CompiledChart, what: str, form: Form) -> Kernel:
 
     chart: whose rates count; what: a name of `DIFFERENTIABLE`; form: "jacobian", "jvp" or "vjp".
     """
+    require(what, form)
+    if not isinstance(chart, CompiledChart):
+        raise LinkworkError(f"the chart is {checks.shown(chart)}; give robot.chart")
     name = f"{what}_{form}"
     if form != "jacobian":
         return stored(chart, name, lambda equations: expressed(equations, what, form))

@@ -6,18 +6,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache, partial
 from math import isfinite
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import amount
+from linkwork.checks import amount, needed
 from linkwork.errors import LinkworkError
 from linkwork.gradients.compilation import (
-    DIFFERENTIABLE,
     Form,
     compiled,
     compiled_opening,
+    require,
 )
 from linkwork.gradients.records import (
     ClosureDerivatives,
@@ -31,12 +31,10 @@ from linkwork.kernels.from_python import Arrays, Columns
 from linkwork.model import checks, evaluation
 from linkwork.model.charts import CompiledChart
 from linkwork.model.directly import DirectCalls
+from linkwork.model.model import Model
 from linkwork.model.reordering import evaluated
 from linkwork.model.state import State
 from linkwork.threads import number_of
-
-if TYPE_CHECKING:
-    from linkwork.model.model import Model
 
 Parts = tuple[np.ndarray, ...]
 """A value (..., values) and its derivatives (..., rows, columns) by q, by v, by what is given
@@ -91,8 +89,8 @@ def derivative_kernel(
     Raises:
         LinkworkError: another name or form; no tool.
     """
-    checks.known((what,), tuple(DIFFERENTIABLE), "derivative")
-    checks.known((form,), ("jacobian", "jvp", "vjp"), "form")
+    needed(robot, Model, "linkwork.Robot")
+    require(what, form)
     if what == "tool":
         robot.require_tool()
     return compiled(robot.chart if state is None else robot.chart_of(robot.own(state)), what, form)

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.checks import shown
 from linkwork.equations.linear import row_derivatives
 from linkwork.errors import LinkworkError
+from linkwork.mechanism import Mechanism
 from linkwork.mechanism.task import is_length
 from linkwork.model import checks, task
 from linkwork.model.asked import task_rows
@@ -129,6 +131,8 @@ def linearise(
         LinkworkError: a stack of states, unknown names, forces of wrong size, a singular
             configuration.
     """
+    if not isinstance(getattr(robot, "mechanism", None), Mechanism):
+        raise LinkworkError(f"the robot is {shown(robot)}; give a linkwork.Robot")
     u = actuator_forces(robot, forces)
     values, n = evaluated(robot, state, u), robot.mobility
     A, B = linearised(robot, values)

@@ -143,6 +143,7 @@ def fastest(
     Automatic Control 54 (2009) 2318; of the jerk, Constantinescu & Croft, J. Robotic Systems 17
     (2000) 233.
     """
+    checks.needed(robot, Robot)
     if not isinstance(limits, ActuatorLimits):
         raise LinkworkError(
             f"the limits are {checks.shown(limits)}; give motions.ActuatorLimits(force=...)"

@@ -65,6 +65,7 @@ def follow(
             "linkwork.motions, or lead the tool along other paths by robot.follow"
         )
     checks.needed(robot, Robot)
+    checks.switch(keep_limits, "keep_limits")
     samples = sample_count(samples)
     if what is not None:
         timed, what = of_tool(timed, checks.names(what, "what"))

@@ -128,6 +128,7 @@ def gcode(
     """
     if not isinstance(text, str):
         raise LinkworkError(f"the list is {checks.shown(text)}; give its text")
+    checks.switch(planar, "planar")
     size = 2 if planar else 3
     # What is fixed, and where the tool is at first.
     turn = fixed_orientation(orientation, size)

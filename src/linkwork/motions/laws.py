@@ -190,7 +190,7 @@ def polynomial(
         LinkworkError: a distance or limit that is no positive number; no limit; another degree than
             3, 5 ... 15.
     """
-    if degree not in range(3, 16, 2):
+    if not checks.among(degree, range(3, 16, 2)):
         raise LinkworkError(f"the degree is {checks.shown(degree)}; give 3, 5, 7 ... 15")
     return stretched(
         shape(degree), *given(distance, speed, acceleration, jerk), f"a law of degree {degree}"
@@ -233,7 +233,7 @@ def law_of(law: str | MotionLaw) -> MotionLaw:
     """Return a motion law by its name, or a function as those of this module."""
     if callable(law):
         return law
-    if law not in LAWS:
+    if not checks.among(law, LAWS):
         raise LinkworkError(
             f"there is no motion law {checks.shown(law)}; there are {', '.join(LAWS)}"
         )

@@ -50,6 +50,8 @@ def write_csv(
         LinkworkError: a motion without its robot, forces at other times; a file that cannot be
             written.
     """
+    if robot is not None:
+        checks.needed(robot, Robot)
     if isinstance(motion, TimedPath):
         columns = of_path(motion, samples, robot)
     elif isinstance(motion, Motion):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from inspect import signature
 from itertools import pairwise
 from math import inf
 from typing import Any, Literal, Self
@@ -156,6 +157,7 @@ def point_to_point(
     if not change.any():
         raise LinkworkError("the end is the start; give another point to go to")
     allowed, made = limits_of(limits).of(names, change.size), law_of(law)
+    checks.switch(synchronised, "synchronised")
     if synchronised:
         profile = leg(change, allowed, made)
         straight = Path(segment(points[0], change), profile.law)
@@ -200,9 +202,9 @@ def through(
     """
     names, values, turned = points_of(points, at_least=3)
     allowed = limits_of(limits).of(names, values.shape[1])
-    if degree not in (3, 5):
+    if not checks.among(degree, (3, 5)):
         raise LinkworkError(f"the degree of the spline is {checks.shown(degree)}; give 3 or 5")
-    if timing not in ("straight", "least"):
+    if not checks.among(timing, ("straight", "least")):
         raise LinkworkError(f"the timing is {checks.shown(timing)}; give 'straight' or 'least'")
     # Times between points, in proportion.
     change = np.abs(np.diff(values, axis=0))
@@ -334,7 +336,7 @@ def along(
 def length_of(path: Path, position: int | None = None) -> float:
     """Return the length [m] of a path of constant rate |dp / ds| of its position p."""
     checks.needed(path, Path, "linkwork.paths")
-    if position not in (None, 2, 3):
+    if not checks.among(position, (None, 2, 3)):
         raise LinkworkError(f"position is {checks.shown(position)}; give 2 or 3")
     _, rate, _ = path.curve(np.linspace(0, 1, 101))
     speeds = np.linalg.norm(rate[:, : position or 3], axis=1)
@@ -446,6 +448,13 @@ def lawful(law: MotionLaw, distance: float, bounds: Sequence[float] | np.ndarray
     """Return what a law makes of a distance and limits (3,), infinite where there is none; refuse
     what is no profile."""
     given = {kind: bound for kind, bound in zip(KINDS, bounds, strict=True) if bound < inf}
+    try:
+        signature(law).bind(distance, **given)
+    except TypeError:
+        raise LinkworkError(
+            f"the law is {checks.shown(law)}; give a function of a distance and limits by name, "
+            "speed, acceleration and jerk, as motions.s_curve is"
+        ) from None
     profile = law(distance, **given)
     if not isinstance(profile, Profile):
         raise LinkworkError(

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from linkwork.checks import folder_path, needed
 from linkwork.sweeps.chunk import Results
 from linkwork.sweeps.preparation import STATUSES
 from linkwork.sweeps.store import Store, written
@@ -114,6 +115,7 @@ class Summary:
 
 def summary(store: Store) -> Summary:
     """Read a store through once, chunk by chunk; keep PLOTTED members at most to draw."""
+    needed(store, Store, "linkwork.sweeps.sweep")
     bench, study = store.bench, store.bench.study
     moments: dict[int, MemberMoments] = {}
     statuses: dict[int, int] = {}
@@ -191,6 +193,9 @@ def write(store: Store, found: Summary, folder: Path) -> list[Path]:
     """
     from linkwork.views.style import svg
 
+    needed(store, Store, "linkwork.sweeps.sweep")
+    needed(found, Summary, "linkwork.sweeps.summary")
+    folder = folder_path(folder, "the folder")
     table, plots = folder / TABLE, folder / PLOTS
     with written(folder):
         with table.open("w", encoding="utf-8", newline="") as file:

@@ -15,6 +15,8 @@ from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
+from linkwork import checks
+from linkwork.errors import LinkworkError
 from linkwork.sweeps.chunk import Results, bench_of, compute
 from linkwork.sweeps.store import Store, reason
 from linkwork.sweeps.study import Study, StudyError
@@ -64,8 +66,20 @@ def sweep(
         StudyError: a study that does not fit the robot, a store that is another study's or cannot
             be written, a scheduler that is not there or is lost.
     """
+    checks.needed(study, Study, "linkwork.sweeps.Study")
+    place = checks.folder_path(folder, "the folder")
+    if scheduler is not None and not isinstance(scheduler, str):
+        raise LinkworkError(
+            f'scheduler is {checks.shown(scheduler)}; give an address, such as "tcp://host:8786"'
+        )
+    if threads is not None:
+        checks.count(threads, "threads")
+    if progress is not None and not callable(progress):
+        raise LinkworkError(
+            f"progress is {checks.shown(progress)}; give a function of two numbers, done and all"
+        )
     bench, report = bench_of(study), progress or (lambda done, total: None)
-    store = Store.open(Path(folder) / RESULTS, bench)
+    store = Store.open(place / RESULTS, bench)
     states = [store.state(index) for index in range(study.chunks)]
     before = states.count("finished")
     pending = [index for index, state in enumerate(states) if state != "finished"]

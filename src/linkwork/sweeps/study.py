@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from linkwork.checks import file_path
 from linkwork.control.described_drives import drive
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
@@ -262,7 +263,7 @@ class Study(Record):
     @classmethod
     def load(cls, path: str | Path) -> Study:
         """Read a study from a YAML file; refusals name the file and the line."""
-        path = Path(path)
+        path = file_path(path, "the path of a study")
         with in_file(path):
             return _study(read_document(_text(path)), path.parent)
 

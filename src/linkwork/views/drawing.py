@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from linkwork import checks
 from linkwork.checks import needed
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
@@ -23,7 +24,7 @@ from linkwork.scene.scene import Scene, scene_of
 from linkwork.views import plane, space
 from linkwork.views.canvas import Canvas
 from linkwork.views.lettering import write_names
-from linkwork.views.style import new_figure, styled
+from linkwork.views.style import new_figure, require_axes, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,6 +55,8 @@ def plot_mechanism(
             name that is no joint's.
     """
     needed(robot, Robot)
+    needed(state, State)
+    require_axes(ax)
     if len(state.batch) > 1 or 0 in state.batch:
         raise LinkworkError(
             f"a stack of states of shape {state.batch} is no sequence of poses; give one dimension"
@@ -87,12 +90,13 @@ def named(robot: Robot, names: bool | Sequence[str]) -> tuple[str, ...]:
     """Return the joints whose names are written."""
     if isinstance(names, bool):
         return robot.joints if names else ()
-    for name in names:
+    asked = checks.names(names, "names")
+    for name in asked:
         if name not in robot.joints:
             raise LinkworkError(
                 f"there is no joint {name!r}; the joints are {', '.join(robot.joints)}"
             )
-    return tuple(names)
+    return asked
 
 
 def draw(canvas: Canvas, scene: Scene, names: Sequence[str] = ()) -> None:

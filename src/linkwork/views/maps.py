@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from linkwork.checks import shown
+from linkwork.checks import among, shown
 from linkwork.errors import LinkworkError
 from linkwork.scene.colours import GREY, INK, PALE, PLATE, VERMILION
-from linkwork.views.style import new_figure, styled
+from linkwork.views.style import new_figure, require_axes, styled
 from linkwork.views.volume import surface
 
 if TYPE_CHECKING:
@@ -85,7 +85,8 @@ def plot_workspace(
         for name, array in mapped.data_vars.items()
         if array.ndim in OVER and set(array.dims) <= set(POSE)
     }
-    if quantity not in known:
+    require_axes(ax)
+    if not among(quantity, known):
         over = OVER[min(known.values(), default=2)]
         have = (
             f"; over {over} it holds {', '.join(known)}"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from linkwork.checks import needed, shown
+from linkwork.checks import count, needed, shown, switch
 from linkwork.errors import LinkworkError
 from linkwork.robot import Motion, Robot, State
 from linkwork.scene.colours import BLUE
@@ -44,8 +44,8 @@ def plot_motion(
     Raises:
         LinkworkError: a run of another robot, or one that holds no sample; no pose to draw.
     """
-    if poses < 1:
-        raise LinkworkError(f"poses is {poses}; give at least 1")
+    count(poses, "poses")
+    switch(path, "path")
     states = states_of(robot, motion)
     axes: Any = plot_mechanism(robot, states.at(spaced(robot, states, poses)), ax)
     if path and robot.mechanism.tools and len(states.q) > 1:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from linkwork.checks import names, needed
 from linkwork.errors import LinkworkError
 from linkwork.simulation import Run
 from linkwork.views.style import look, new_figure, styled
@@ -37,10 +38,13 @@ def plot_phase(runs: Run | Sequence[Run], coordinates: str | Sequence[str] | Non
         LinkworkError: no run, a coordinate that one of the runs does not hold, or whose rate has
             another name.
     """
-    given = [runs] if isinstance(runs, Run) else list(runs)
+    given = list(runs) if isinstance(runs, Sequence) and not isinstance(runs, str) else [runs]
     if not given:
         raise LinkworkError("there is no run to draw; give one or several")
-    wanted = [coordinates] if isinstance(coordinates, str) else list(coordinates or usual(given[0]))
+    for run in given:
+        needed(run, Run)
+    wanted = [coordinates] if isinstance(coordinates, str) else coordinates
+    wanted = usual(given[0]) if wanted is None else names(wanted, "coordinates")
     if not wanted:
         raise LinkworkError(
             "no coordinate is named; name some of " + ", ".join(portrayed(given[0]))

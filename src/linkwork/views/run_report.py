@@ -53,6 +53,8 @@ def write_report(robot: Robot, run: Run, path: str | Path, *, over: Run | None =
     """
     needed(robot, Robot)
     needed(run, Run)
+    if over is not None:
+        needed(over, Run)
     path = file_path(path, "the path of a report")
     if path.suffix.lower() not in (".html", ".htm"):
         raise LinkworkError(f"a report is written as .html, not as {path.name!r}")

@@ -114,6 +114,14 @@ def print_at_once(figure: Figure, file: TextIO, metadata: Mapping[Any, None]) ->
         figure.dpi = dpi
 
 
+def require_axes(ax: object) -> None:
+    """Refuse what is drawn on and is no axes of matplotlib; none is left out."""
+    from matplotlib.axes import Axes
+
+    if ax is not None and not isinstance(ax, Axes):
+        raise LinkworkError(f"ax is {shown(ax)}; give axes of matplotlib, or leave it out")
+
+
 def save_figure(drawn: Figure | Axes, path: str | Path) -> Path:
     """Write a figure as .svg or .pdf (lines and text as such, the same bytes every time) or as .png
     (300 dpi).

@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from linkwork.checks import shown
+from linkwork.checks import needed, shown
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import task
 from linkwork.model.task import asked_of
 from linkwork.motions import TimedPath
 from linkwork.motions.tables import labels_of
+from linkwork.robot import Robot
 from linkwork.views.style import label_time, look, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from linkwork.robot import Robot
 
 TITLES = ("coordinate", "speed", "acceleration", "jerk")
 UNITS = {
@@ -48,6 +47,8 @@ def plot_timed_path(timed: TimedPath, robot: Robot | None = None) -> Figure:
         raise LinkworkError(
             f"what is drawn is {shown(timed)}; give a timed path made by linkwork.motions"
         )
+    if robot is not None:
+        needed(robot, Robot)
     time, parts = sampled(timed)
     count = parts[0].shape[1]
     known = timed.names or robot is not None or count in (2, 6)
