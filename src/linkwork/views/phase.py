@@ -38,6 +38,7 @@ def plot_phase(runs: Run | Sequence[Run], coordinates: str | Sequence[str] | Non
         LinkworkError: no run, a coordinate that one of the runs does not hold, or whose rate has
             another name.
     """
+    # What is drawn.
     given = list(runs) if isinstance(runs, Sequence) and not isinstance(runs, str) else [runs]
     if not given:
         raise LinkworkError("there is no run to draw; give one or several")
@@ -50,6 +51,7 @@ def plot_phase(runs: Run | Sequence[Run], coordinates: str | Sequence[str] | Non
             "no coordinate is named; name some of " + ", ".join(portrayed(given[0]))
         )
     curves = [[curve(run.smooth, name) for name in wanted] for run in given]
+    # A plane for each coordinate, a curve in it for each run.
     columns = min(len(wanted), COLUMNS)
     rows = -(-len(wanted) // columns)
     with styled():
