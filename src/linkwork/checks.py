@@ -143,8 +143,8 @@ def among(value: object, allowed: Iterable[object]) -> bool:
 
 def random_numbers(seed: object) -> np.random.Generator:
     """Return what makes random numbers, the same for the same seed; refuse what is no seed."""
-    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
-    if seed is not None and not (whole and seed >= 0):
+    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool) and seed >= 0
+    if seed is not None and not whole:
         raise LinkworkError(f"seed is {shown(seed)}; give a whole number, not below zero")
     return np.random.default_rng(seed)  # pyright: ignore[reportArgumentType, reportCallIssue]
 

@@ -104,7 +104,12 @@ def optimise(
             pose, so that the robot does not get there from its home.
     """
     checks.needed(robot, Robot)
-    kept = checks.by_name(subject_to, "the bounds of measures", "{measure: 1.0}")
+    if subject_to is not None and not isinstance(subject_to, Mapping):
+        raise LinkworkError(
+            f"the bounds are {checks.shown(subject_to)}; give them by measure, such as "
+            "{measure: 1.0}"
+        )
+    kept = {} if subject_to is None else dict(subject_to)
     for measure in (objective, *kept):
         if not isinstance(measure, Measure):
             raise LinkworkError(

@@ -107,7 +107,7 @@ def choose_independents(
     # A rate that the constraints hold has no more than rounding left.
     least = np.maximum((share * np.maximum(np.sqrt(left), share)) ** 2, ROUNDING * width)
     chosen, count = np.full((groups, n), -1), np.zeros(groups, int)
-    free, idle = np.ones((width, groups), bool), ~held.any(axis=(0, 2))
+    free, idle = np.ones((width, groups), bool), (held == 0).all(axis=(0, 2))
 
     def take(rates: np.ndarray | int, able: np.ndarray) -> None:
         at = (rates, slice(None)) if isinstance(rates, int) else (rates, every)

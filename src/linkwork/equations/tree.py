@@ -270,8 +270,8 @@ class Tree:
         for places, ks in self.quaternions:
             at += [(place, k) for k in ks for place in places]
             values.append(ca.vec(quaternion_map(self.q[list(places)])))
-        lists = ([place[i] for place in at] for i in range(2))
-        return SX.triplet(*lists, ca.vertcat(*values), len(self.coordinates), len(self.rates))
+        rows, columns = ([place[i] for place in at] for i in range(2))
+        return SX.triplet(rows, columns, ca.vertcat(*values), self.q.numel(), len(self.rates))
 
     def derivatives(self, rates: ca.SX) -> ca.SX:
         """Return q' for the rates w."""

@@ -3,7 +3,7 @@ run."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,13 +39,14 @@ def plot_phase(runs: Run | Sequence[Run], coordinates: str | Sequence[str] | Non
             another name.
     """
     # What is drawn.
-    given = list(runs) if isinstance(runs, Sequence) and not isinstance(runs, str) else [runs]
+    several = isinstance(runs, Iterable) and not isinstance(runs, str | Run)
+    given: list[Run] = list(runs) if several else [runs]  # pyright: ignore
     if not given:
         raise LinkworkError("there is no run to draw; give one or several")
     for run in given:
         needed(run, Run)
-    wanted = [coordinates] if isinstance(coordinates, str) else coordinates
-    wanted = usual(given[0]) if wanted is None else names(wanted, "coordinates")
+    asked = [coordinates] if isinstance(coordinates, str) else coordinates
+    wanted = (asked is not None and names(asked, "coordinates")) or usual(given[0])
     if not wanted:
         raise LinkworkError(
             "no coordinate is named; name some of " + ", ".join(portrayed(given[0]))
