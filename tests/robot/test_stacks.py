@@ -124,17 +124,3 @@ def test_what_is_no_number_of_threads():
     ):
         with pytest.raises(lw.LinkworkError, match="threads is 0; give a whole number, at least 1"):
             call()
-
-
-def test_one_configuration_with_many_rates_is_a_stack():
-    robot = built("prr3")
-    rates = np.random.default_rng(6).normal(size=(4, 3))
-    stack = robot.home.with_rates(rates)
-    assert stack.batch == (4,)
-    alone = [robot.forward_dynamics(robot.home.with_rates(own), [1.0, 0, 2]) for own in rates]
-    assert np.array_equal(robot.forward_dynamics(stack, [1.0, 0, 2]), alone)
-    assert robot.home.with_rates(np.ones((2, 4, 3))).batch == (2, 4)
-    assert np.array_equal(stack.with_rates([1.0, 2, 3]).rates, np.tile([1.0, 2, 3], (4, 1)))
-    for of, wrong in ((robot.home, np.ones((3, 2))), (stack, np.ones((3, 3)))):
-        with pytest.raises(lw.LinkworkError, match="do not fit; give 3 finite numbers: slide_1"):
-            of.with_rates(wrong)

@@ -68,7 +68,7 @@ class State(ReadOnlyArrays):
 
     def with_rates(self, rates: ArrayLike | Mapping[str, float]) -> State:
         """Return the same configuration with other independent rates (..., n) [m/s, rad/s], or by
-        name, others zero; of one configuration with rates (N, n) a stack of N states."""
+        name, others zero."""
         if isinstance(rates, Mapping):
             if not set(rates) <= set(self.independent):
                 raise LinkworkError(
@@ -77,19 +77,14 @@ class State(ReadOnlyArrays):
                 )
             rates = [rates.get(name, 0.0) for name in self.independent]
         values, shape = finite(rates, "the rates"), self.rates.shape
-        if values.shape == shape:
-            return State(self.positions, values, self.q, self.coordinates, self.independent)
-        if values.shape[-1:] != shape[-1:] or (self.batch and values.ndim > 1):
+        if values.shape not in (shape, shape[-1:]):
             raise LinkworkError(
                 f"rates {shown(values.tolist())} do not fit; give {len(self.independent)} finite "
                 f"numbers: {', '.join(self.independent)}"
             )
-        batch = self.batch or values.shape[:-1]
-        positions, values, q = (
-            np.broadcast_to(part, (*batch, part.shape[-1])).copy()
-            for part in (self.positions, values, self.q)
-        )
-        return State(positions, values, q, self.coordinates, self.independent)
+        if values.shape != shape:
+            values = np.broadcast_to(values, shape).copy()
+        return State(self.positions, values, self.q, self.coordinates, self.independent)
 
     def at(self, index: int | slice | np.ndarray) -> State:
         """Return some of the stacked states.
