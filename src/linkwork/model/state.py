@@ -67,8 +67,8 @@ class State(ReadOnlyArrays):
         return self.q.shape[:-1]
 
     def with_rates(self, rates: ArrayLike | Mapping[str, float]) -> State:
-        """Return the same configuration with other independent rates (..., n) [m/s, rad/s], or by
-        name, others zero."""
+        """Return the same configuration with other independent rates [m/s, rad/s], n for all or of
+        each state (..., n), or by name, others zero."""
         if isinstance(rates, Mapping):
             if not set(rates) <= set(self.independent):
                 raise LinkworkError(
