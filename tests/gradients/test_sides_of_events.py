@@ -9,6 +9,7 @@ import pytest
 import linkwork as lw
 from linkwork import math
 from linkwork.control import Event, Sampler
+from linkwork.gradients.breaks import STRAY, parts
 
 from tests.gradients.test_runs import CART
 
@@ -113,3 +114,13 @@ def test_a_loss_that_jumps_is_that_of_the_times_at_which_it_does(place, own):
     assert found.value == pytest.approx(2.5 * 0.174 - 1.5 * (up - down), rel=1e-9)
     told = found.run.sensitivity("event_time", to="rates").event_time.values
     assert found["rates"] == pytest.approx(1.5 * (told[0] - told[1]), rel=1e-5)
+
+
+@pytest.mark.parametrize("bend", [0.0, 1.0, 1e3, 1e30, np.inf, np.nan])
+def test_a_way_to_a_break_has_few_parts_however_much_the_motion_bends(bend):
+    """Behind each part as much is left as its stages may stray, or half of the way."""
+    found = parts(0.1, 1e-14, bend)
+    before = np.concatenate([[0.1], found[:-1]])
+    assert 1 < len(found) < 50 and (found >= 1e-14).all()
+    stray = np.nan_to_num(STRAY * bend * (before - found) ** 2, nan=0.0)
+    assert (found >= np.minimum(before / 2, stray) * (1 - 1e-9)).all()

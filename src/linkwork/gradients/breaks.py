@@ -232,7 +232,8 @@ class Breaks:
             sum(rows.whole.by_state_and_time(rows.chart, state, event, slope))
             for state, slope in zip((first, end), slopes, strict=True)
         )
-        return abs(ended - begun) / (abs(ended) * (rows.t[last] - rows.t[row]))
+        with np.errstate(divide="ignore", invalid="ignore"):  # an event that touches zero
+            return abs(ended - begun) / (abs(ended) * (rows.t[last] - rows.t[row]))
 
     def cubic(self, row: int, t: np.ndarray, y: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Return states within the step from a row, whose ends are t (2,) and y (2, n)."""
@@ -285,11 +286,11 @@ def jumping(before: np.ndarray, behind: np.ndarray) -> np.ndarray:
 
 def parts(left: float, least: float, bend: float) -> np.ndarray:
     """Return what is left of a way to a break behind each of its parts [s], of which all stages are
-    before it: those of a part p are up to STRAY bend p^2 off, and fewer than so much is left."""
+    before it: those of a part p are up to STRAY bend p^2 off, which is left, or half of it."""
     found = []
     while True:
-        root = np.sqrt(1 + 4 * STRAY * bend * left)
-        left *= max((root - 1) / (root + 1), NEARER)
+        share = 1 - 2 / (1 + np.sqrt(1 + 4 * STRAY * bend * left))
+        left *= min(0.5, max(NEARER, share))
         if left < least:
             return np.array(found)
         found.append(left)

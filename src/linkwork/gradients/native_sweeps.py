@@ -75,12 +75,6 @@ class StepBars(NamedTuple):
 
 
 @njit(**OPTIONS)
-def rows_of(method, dense):
-    """Return how many rows of a step are needed, all of them for dense output."""
-    return method.stages if dense else method.solution
-
-
-@njit(**OPTIONS)
 def made_again(bench, kernels, sizes, method, inputs, t, h, dense):
     """Make a step again from bench.y; return the Newton steps of its new state."""
     remake(bench, kernels, sizes, method, inputs, t, h, 0, method.solution)
