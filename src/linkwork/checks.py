@@ -141,10 +141,14 @@ def among(value: object, allowed: Iterable[object]) -> bool:
     return isinstance(value, str | float | int | np.generic | None) and value in tuple(allowed)
 
 
+def whole(value: object) -> bool:
+    """Tell whether something is a whole number, not below zero; a truth value is none."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool) and bool(value >= 0)
+
+
 def random_numbers(seed: object) -> np.random.Generator:
     """Return what makes random numbers, the same for the same seed; refuse what is no seed."""
-    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool) and seed >= 0
-    if seed is not None and not whole:
+    if seed is not None and not whole(seed):
         raise LinkworkError(f"seed is {shown(seed)}; give a whole number, not below zero")
     return np.random.default_rng(seed)  # pyright: ignore[reportArgumentType, reportCallIssue]
 

@@ -390,7 +390,7 @@ def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[st
     """
     from scipy.ndimage import distance_transform_edt
 
-    require_workspace(mapped)
+    require_workspace(mapped, "reachable")
     dims = mapped["reachable"].dims
     axes = [mapped[name].values for name in dims]
     for name, axis in zip(dims, axes, strict=True):
@@ -413,11 +413,11 @@ def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[st
     return centre, float(distance[best])
 
 
-def require_workspace(mapped: object, quantity: str = "reachable") -> None:
-    """Refuse what is no workspace, or one without a quantity."""
+def require_workspace(mapped: object, *quantities: str) -> None:
+    """Refuse what is no workspace, or one without some quantities."""
     import xarray
 
-    if not isinstance(mapped, xarray.Dataset) or quantity not in mapped:
+    if not isinstance(mapped, xarray.Dataset) or not {*quantities} <= {*mapped}:
         raise LinkworkError(
             f"the workspace is {shown(mapped)}; give one made by linkwork.analysis.workspace"
         )
@@ -429,7 +429,7 @@ def content(mapped: xarray.Dataset) -> float:
 
     mapped: as `workspace` gives it, over at least one axis.
     """
-    require_workspace(mapped)
+    require_workspace(mapped, "reachable")
     share = mapped["reachable"]
     for name in share.dims:
         share = share.astype(float).integrate(name)

@@ -34,8 +34,9 @@ import casadi as ca
 import numpy as np
 
 from linkwork.analysis._jacobians import Jacobians, jacobians, of_actuators, stacked_rows
+from linkwork.analysis._workspace import require_workspace
 from linkwork.analysis.singular_values import singular_values
-from linkwork.checks import among, needed, shown
+from linkwork.checks import among, needed
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
@@ -321,10 +322,7 @@ def loci(mapped: xarray.Dataset, name: str = "det_A", level: float = 0.0) -> lis
     """
     from contourpy import contour_generator
 
-    if not hasattr(mapped, "data_vars"):
-        raise LinkworkError(
-            f"the workspace is {shown(mapped)}; give one made by linkwork.analysis.workspace"
-        )
+    require_workspace(mapped)
     if not among(name, mapped) or mapped[name].ndim != 2:
         given = ", ".join(
             f"{key} over {', '.join(map(str, part.dims))}" for key, part in mapped.items()

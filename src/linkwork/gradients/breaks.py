@@ -16,7 +16,7 @@ import numpy as np
 from linkwork.gradients.instants import at_instants, values
 from linkwork.gradients.links import Passing
 from linkwork.gradients.segment_rows import ASIDE, SegmentRows
-from linkwork.gradients.switches import Switching, require_no_jumps, switching
+from linkwork.gradients.switches import Switching, jumping, require_no_jumps, switching
 
 OFF_JUMPS = 1e-11  # how far off a jump steps end and begin, relative to the step behind
 OFF_KINKS, STIFFLY_OFF = 1e-7, 1e-5
@@ -63,7 +63,7 @@ class Breaks:
                 continue
             before, behind = self.sides(row)
             jump, n = before - behind, rows.y.shape[1]
-            if jumping(before, behind).any():
+            if leaps(before, behind):
                 state = rows.state(row, rows.held[row - 1], from_left=True)
                 moment = rows.whole.moment(rows.chart, state, event, before[:n])
                 found[row] = Passing(moment, jump[:n], float(jump[n]), np.empty(0, int))
@@ -218,8 +218,10 @@ class Breaks:
     def continues(self, row: int) -> bool:
         """Tell whether y' does not jump at a break, but what is paid may: then a run's step up to
         it may have stages behind it, and has the right dense output."""
+        if row in self.kinks:
+            return True
         before, behind = self.sides(row)
-        return not jumping(before[:-1], behind[:-1]).any()
+        return not leaps(before[:-1], behind[:-1])
 
     def bend(self, row: int, last: int) -> float:
         """Return how fast the rate of the event function at the last row has changed since another
@@ -277,11 +279,10 @@ class Breaks:
         return StepEnds(t, y)
 
 
-def jumping(before: np.ndarray, behind: np.ndarray) -> np.ndarray:
-    """Tell which numbers of y' jump."""
+def leaps(before: np.ndarray, behind: np.ndarray) -> bool:
+    """Tell whether a number of y' jumps."""
     sizes = np.maximum(np.abs(before), np.abs(behind))
-    bounds = np.maximum(SMOOTH * sizes, NOISE * sizes.max(initial=0.0))
-    return np.abs(before - behind) > bounds
+    return bool(jumping(before, behind, sizes, SMOOTH, NOISE).any())
 
 
 def parts(left: float, least: float, bend: float) -> np.ndarray:

@@ -135,8 +135,16 @@ def jump(own: Switching, start: np.ndarray, end: np.ndarray, p: np.ndarray) -> f
             low, high = (middle, high) if same else (low, middle)
         before, behind = at(low)[modes:], at(high)[modes:]
         sizes = np.maximum.reduce([sizes, np.abs(before), np.abs(behind)])
-        bounds = np.maximum(JUMP * sizes, NOISE * sizes.max(initial=0.0))
-        if (np.abs(behind - before) > bounds).any():
+        if jumping(before, behind, sizes, JUMP, NOISE).any():
             return high
         place, here = high, at(high)
     return place
+
+
+def jumping(
+    before: np.ndarray, behind: np.ndarray, sizes: np.ndarray, share: float, noise: float
+) -> np.ndarray:
+    """Tell which numbers jump: by more than a share of their sizes, and of the largest size than
+    noise."""
+    bounds = np.maximum(share * sizes, noise * sizes.max(initial=0.0))
+    return np.abs(behind - before) > bounds

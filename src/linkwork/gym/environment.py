@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
-from linkwork.gym.environments import Environments, frames_a_second, whole
+from linkwork.gym.environments import Environments, frames_a_second
 from linkwork.gym.process import DecisionProcess
 from linkwork.model.state import State
 
@@ -60,7 +60,7 @@ class Environment(Env):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin an episode; return the observation and an empty info. Of the options there is
         "draws", as `Environments.reset` has it."""
-        if seed is not None and not whole(seed):
+        if seed is not None and not checks.whole(seed):
             raise LinkworkError(
                 f"a seed is {checks.shown(seed)}; give a whole number that is not negative"
             )

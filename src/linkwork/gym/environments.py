@@ -215,7 +215,7 @@ class Environments(VectorEnv):
             )
         if self._draws is None:
             raise LinkworkError("no episode has begun; reset the environments before their picture")
-        if not (whole(number) and 0 <= number < self.num_envs):
+        if not (checks.whole(number) and number < self.num_envs):
             raise LinkworkError(
                 f"there is no environment {checks.shown(number)}; there are {self.num_envs}, from "
                 "0 on"
@@ -348,12 +348,12 @@ def seeds_of(seed: Any, count: int) -> list[int | None]:
     """Return a seed for each environment, or none at all; refuse what is no whole number."""
     if seed is None:
         return []
-    if whole(seed):
-        seeds: list[Any] = [seed + i for i in range(count)] if seed >= 0 else [seed]
+    if checks.whole(seed):
+        seeds: list[Any] = [seed + i for i in range(count)]
     else:
         seeds = [*seed] if isinstance(seed, Sequence | np.ndarray) else [seed]
     for each in seeds:
-        if each is not None and not (whole(each) and each >= 0):
+        if each is not None and not checks.whole(each):
             raise LinkworkError(
                 f"a seed is {checks.shown(each)}; give a whole number that is not negative, or "
                 "one for each environment"
@@ -361,11 +361,6 @@ def seeds_of(seed: Any, count: int) -> list[int | None]:
     if len(seeds) != count:
         raise LinkworkError(f"there are {len(seeds)} seeds; give an integer, or {count} of them")
     return [None if each is None else int(each) for each in seeds]
-
-
-def whole(number: Any) -> bool:
-    """Tell whether something is a whole number; a truth value is none."""
-    return isinstance(number, int | np.integer) and not isinstance(number, bool)
 
 
 def frames_a_second(process: DecisionProcess) -> int:

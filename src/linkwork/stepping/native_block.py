@@ -28,10 +28,8 @@ WHEN, NUMBER, LEFT, SLACK, WRITTEN, TURNED, LIMIT, ORIGIN = range(NUMBERS)
 """Of each member: the present time [s], the number of its last step, and how many are left; the
 factor on the closure's tolerance, whether q was written since the last step, and whether any whole
 turn may be counted; the bound of its pivots, and the time that its steps are counted from."""
-SELDOM, CHANGED = (
-    SLACK,
-    LIMIT,
-)  # from and up to which row steps change them seldom; later ones never
+SELDOM, CHANGED = SLACK, LIMIT
+"""From and up to which row steps change them seldom; later ones never."""
 LINE = 8  # numbers of a line of the cache
 
 
