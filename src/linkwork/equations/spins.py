@@ -25,6 +25,7 @@ from linkwork.mechanism import GROUND, Mechanism
 
 LONGEST = 3  # joints inside a member that is looked at
 STILL = 1e-9  # motion that counts as none, relative to the largest
+NEARLY = 1 - 1e-6  # share of a motion in some bodies that may be all of it
 
 Member = tuple[str, ...]
 
@@ -96,7 +97,13 @@ def spinning(
         N = tree.rate_units[:, None] * free_motions(Phi)
         t, motions = np.array(twists(q, N)[0]).reshape(len(mechanism.bodies), 6, -1), N.shape[1]
         t[:, 3:] /= tree.length
-        turns = {chain: alone(t, [order(body) for body in chain]) for chain in found}
+        # Few chains can move while all else is still: the others are not looked at one by one.
+        shares = np.linalg.qr(t.reshape(-1, N.shape[1]))[0].reshape(*t.shape[:2], -1)
+        places = {chain: [order(body) for body in chain] for chain in found}
+        turns = {
+            chain: alone(t, own) if largest(shares[own]) > NEARLY else None
+            for chain, own in places.items()
+        }
         found = {
             chain: [*found[chain], N @ turn] for chain, turn in turns.items() if turn is not None
         }
@@ -119,6 +126,15 @@ def twist(node: Node, omega: list[ca.SX], v: list[ca.SX]) -> ca.SX:
     """Return [omega; v] of a node's body about the ground's origin, in the ground's axes."""
     turn, slide = (ca.mtimes(node.axes.matrix, part[node.index]) for part in (omega, v))
     return ca.vertcat(turn, slide - cross(turn, node.O))
+
+
+def largest(shares: np.ndarray) -> float:
+    """Return the largest share, from 0 to 1, that some bodies (b) have in any one motion.
+
+    shares: their rows (b x 6 x n) of an orthonormal basis of all bodies' motions
+    """
+    sizes = np.linalg.svd(shares.reshape(-1, shares.shape[2]), compute_uv=False)
+    return float(sizes.max(initial=0.0))
 
 
 def alone(twists: np.ndarray, own: list[int]) -> np.ndarray | None:
