@@ -69,7 +69,7 @@ def chain_lengths(nodes: Sequence[Operation]) -> list[int]:
     """Return the length of the longest chain of operations that ends in each node."""
     depths: list[int] = []
     for _, args, _ in nodes:
-        depths.append(1 + max([depths[a] for a in args], default=0))
+        depths.append(1 + max(map(depths.__getitem__, args), default=0))
     return depths
 
 
@@ -141,7 +141,7 @@ class _Builder:
 
     def __init__(self):
         self.nodes: list[Operation] = []
-        self._known: dict[tuple, int] = {}
+        self._known: dict[Operation | bytes, int] = {}
         self._rules = {
             op: getattr(self, op) for op in ("neg", "add", "sub", "mul", "div", "sqrt", "tan")
         }
@@ -213,7 +213,7 @@ class _Builder:
 
     def _difference(self, a: int, b: int) -> _Signed:
         """Return a - b, as -(b - a) where that is known."""
-        if a != b and (opposite := self._known.get(_key("sub", (b, a)))) is not None:
+        if a != b and (opposite := self._known.get(Operation("sub", (b, a)))) is not None:
             return _Signed(-1, opposite)
         return _Signed(1, self._node("sub", a, b))
 
@@ -268,17 +268,17 @@ class _Builder:
         """Return the position of the node, a new one only where no equal one is known."""
         if op in _COMMUTING and args[0] > args[1]:
             args = (args[1], args[0])
-        key = _key(op, args, value)
-        if key not in self._known:
-            self._known[key] = len(self.nodes)
-            self.nodes.append(Operation(op, args, value))
-        return self._known[key]
+        node, count = Operation(op, args, value), len(self.nodes)
+        place = self._known.setdefault(_key(node), count)
+        if place == count:
+            self.nodes.append(node)
+        return place
 
 
-def _key(op: str, args: tuple[int, ...], value: float = 0) -> tuple:
+def _key(node: Operation) -> Operation | bytes:
     """Return what two equal nodes share; constants are compared bit by bit, so that -0 is not 0 and
     NaN is NaN."""
-    return (op, args, struct.pack("<d", value)) if op == "const" else (op, args, value)
+    return struct.pack("<d", node.value) if node.op == "const" else node
 
 
 def _has_exact_reciprocal(x: float) -> bool:
