@@ -2,9 +2,12 @@
 needed."""
 
 import ast
+import ctypes
 import importlib
 import importlib.util
+import sys
 from pathlib import Path
+from struct import unpack_from
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +24,10 @@ from linkwork.simulation import (
     Condition,
     Events,
     Sampled,
+    bends,
     compiled,
     integrate,
+    lanes,
     native,
     native_rosenbrock,
 )
@@ -272,6 +277,31 @@ def test_parts_of_compiled_code_are_no_functions_of_their_own(tmp_path, monkeypa
     assert load(path).product(2.0) == 6.0
     with pytest.raises(KeyError, match="times is called by compiled code alone"):
         importlib.import_module("tripling").times(2.0)
+
+
+def undefined(code: bytes) -> set[str]:
+    """Return the names that an object file (ELF, 64 bits) takes from elsewhere."""
+    (first,), (size, count) = unpack_from("<Q", code, 40), unpack_from("<HH", code, 58)
+    heads = [unpack_from("<IIQQQQIIQQ", code, first + k * size) for k in range(count)]
+    found = set()
+    for _, kind, _, _, start, length, link, *_ in heads:
+        for at_symbol in range(start, start + length, 24) if kind == 2 else ():
+            name, _, _, section = unpack_from("<IBBH", code, at_symbol)
+            if section == 0 and name:
+                begin = heads[link][4] + name
+                found.add(code[begin : code.index(b"\0", begin)].decode())
+    return found
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads object files of Linux")
+def test_loops_that_are_loaded_need_only_what_is_there_without_numba_s_compiler():
+    library = ctypes.CDLL(None)
+    for loop in (native.integrate, native_rosenbrock.integrate, lanes.integrate, bends.bends):
+        (found,) = loop.overloads.values()
+        names = undefined(found.library._get_compiled_object())
+        assert "PyArg_UnpackTuple" in names
+        others = {name for name in names if not name.startswith(("NRT_", "Py", "_Py", "numba_"))}
+        assert {name for name in others if not hasattr(library, name)} == set()
 
 
 @pytest.mark.parametrize("method", [DORMAND_PRINCE, RK4(0.1), RODAS], ids=lambda way: way.name)
