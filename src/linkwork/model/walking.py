@@ -68,10 +68,10 @@ class Walker:
             begun = told if begun is None else begun
             q, residual, length = told[:size], told.item(size), told.item(size + 1)
             near = residual <= CLOSED
-            if not (length <= (MET if near else longest) and isfinite(q @ q)):
+            if not length <= (MET if near else longest):
                 break
-            if near:
-                return begun, told
+            if near:  # no number is finite again once it was none
+                return begun, told if isfinite(q @ q) else None
             longest = CONTRACTS * length
         assert begun is not None
         return begun, None
