@@ -1,11 +1,13 @@
 """The tool is led on the branch of the guess: against inverse kinematics in closed form, on every
 working mode."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import linkwork as lw
 from linkwork.analysis import working_modes
+from linkwork.mechanism.numbers import edited
 from linkwork.robots.plane import corners, vertices
 
 from tests.analysis.mechanisms import arm, rrs
@@ -276,3 +278,41 @@ def test_stacked_poses_close_the_loops_to_rounding():
     robot = lw.Robot(lw.robots.prr3())
     poses = np.add((0.5, 0.2887, 0.8), np.random.default_rng(0).uniform(-0.02, 0.02, (50, 3)))
     assert robot.closure_error(robot.assemble(tool=poses)).max() < 1e-15
+
+
+SHIFTS = [  # of the Tripteron's slides, with which a link of its second leg turns by over 90 deg
+    (-0.2888, 0.2117, -0.3366),
+    (-0.2565, -0.0134, -0.3482),
+    (-0.2917, -0.2081, -0.3397),
+]
+
+
+@pytest.mark.parametrize("shift", SHIFTS)
+def test_legs_keep_their_side_where_a_row_that_others_follow_from_vanishes(shift):
+    """The axis of a leg's last hinge stays in its direction by two rows, -sin b and -cos b times
+    the same: neither is a mode's."""
+    robot = built("tripteron")
+    led = [robot.home]
+    for part in np.linspace(0, 1, 41)[1:]:
+        joints = dict(zip(robot.independent, part * np.array(shift), strict=True))
+        led.append(robot.assemble(joints, guess=led[-1]))
+        assert np.abs(led[-1].positions - led[-2].positions).max() < 0.5
+    assert abs(led[-1]["root_2"] + led[-1]["elbow_2"]) > np.pi / 2
+    at_once = robot.assemble(joints)
+    np.testing.assert_allclose(at_once.positions, led[-1].positions, atol=1e-9)
+    stack = robot.assemble({name: [0.0, x] for name, x in joints.items()})
+    np.testing.assert_allclose(stack.positions[1], led[-1].positions, atol=1e-9)
+
+
+def test_no_row_is_kept_that_hardly_tells_what_another_one_tells():
+    description = edited(lw.robots.tripteron(), {"slide_2.frames.0.position.y": -0.0596})
+    robot = lw.Robot(description)
+    at = {name: float(robot.home[name]) for name in robot.independent}
+    near = {name: x + 0.004 for name, x in at.items()}
+    state = robot.assemble(near)
+    assert np.abs(state.positions - robot.home.positions).max() < 0.1
+    q, rows = robot.equations.tree.q, robot.equations.rows
+    Phi = np.array(ca.Function("Phi", [q], [rows.Phi])(state.q))
+    kept = Phi[list(robot.equations.chart.rows)]
+    every = np.linalg.svd(Phi, compute_uv=False)[len(kept) - 1]
+    assert np.linalg.svd(kept, compute_uv=False)[-1] > 0.1 * every

@@ -14,6 +14,7 @@ import numpy as np
 from linkwork.equations.reflections import DEPENDENT_ROW, reflect
 
 TIED = 1 - 1e-9  # lengths are equal from this ratio on: rounding decides nothing
+SHARES = (0.05, 5e-3, 5e-4, 5e-5)  # what is left of a row that is kept, over the longest, at best
 ROUNDING = 1e-15  # of a squared part that is left of 1, by length of the vectors
 FAINT = 1e-5  # of what rows leave of one, over the longest: rounding may tell where it points
 
@@ -31,7 +32,13 @@ def independent_rows(samples: Sequence[np.ndarray], count: int | None = None) ->
         return tuple(range(count)) if every else tuple(sorted(largest_rows(samples[0], count)))
     kept: tuple[int, ...] = ()
     for Phi in samples:
-        kept = max(kept, reflect(Phi).rows, key=len)
+        found = reflect(Phi).rows
+        # Of rows that depend on each other none that is about to vanish, where another is not.
+        for share in SHARES if len(found) < len(Phi) else ():
+            if len(rows := reflect(Phi, share).rows) == len(found):
+                found = rows
+                break
+        kept = max(kept, found, key=len)
         if len(kept) == len(Phi):
             break
     return kept

@@ -69,8 +69,9 @@ class Leader:
             q, there = self.approached(start[None].repeat(len(y), axis=0), y)
         if np.count_nonzero(there) == len(q):
             return q
-        left = np.flatnonzero(~there)
-        q[left], there, mode = self.led(start, y[left], q if walker else None)
+        # Walkers take it for another mode where a row that is kept vanishes in vain.
+        left, vain = np.flatnonzero(~there), walker and not self.modes.spared
+        q[left], there, mode = self.led(start, y[left], q if vain else None)
         for k in left[~there]:
             with at(f"{self.least.asked.noun} {k}: ") if len(q) > 1 else nullcontext():
                 q[k] = self.otherwise(start, q[k], y[k], mode)
@@ -112,7 +113,10 @@ class Leader:
         found = closed(self.approach.step, q, (y, *p), NEWTON)
         if mode is None:
             mode = self.modes.told(found.begun[1][:1])
-        return found.q, self.told(found, mode)[1]
+        good, kept = self.told(found, mode)
+        if self.modes.spared and (left := np.flatnonzero(good & ~kept)).size:
+            kept[left] = self.alike(q[left], found.q[left])
+        return found.q, kept
 
     def closed(
         self,
@@ -121,19 +125,24 @@ class Leader:
         given: Sequence[np.ndarray],
         mode: np.ndarray,
         contracting: bool = True,
+        start: np.ndarray | None = None,
     ) -> Found:
         """Return q (K, nq), where it is closed with frames that face each other (K), and where on a
-        mode, too (K)."""
+        mode, that of a start (nq) or of several (K, nq), too (K)."""
         rounds = NEWTON if contracting else ITERATIONS
         found = closed(step, q, given, rounds, contracting=contracting)
-        return found.q, *self.told(found, mode)
+        return found.q, *self.told(found, mode, start)
 
-    def told(self, found: Closed, mode: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def told(
+        self, found: Closed, mode: np.ndarray, start: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return where loops are closed with frames that face each other (K), and where on a mode,
-        too (K)."""
+        that of a start (nq) or of several (K, nq), too (K)."""
         alignment, parts = found.told
         good = found.met & (alignment >= 0)
-        return good, good & same(self.modes.told(parts), mode)
+        if start is None or not self.modes.spared:
+            return good, good & same(self.modes.told(parts), mode)
+        return good, good & self.alike(np.atleast_2d(start), found.q)
 
     def walked(
         self,
@@ -152,7 +161,8 @@ class Leader:
             if not going.size:
                 break
             aim = np.minimum(1.0, part[going] + length[going])
-            reached, _, good = self.closed(step, q[going], (way(which[going], aim),), mode)
+            given = (way(which[going], aim),)
+            reached, _, good = self.closed(step, q[going], given, mode, start=q[going])
             q[going[good]], part[going[good]] = reached[good], aim[good]
             length[going] *= np.where(good, 2.0, 0.25)
             going = going[(part[going] < 1) & (length[going] > FINEST)]
@@ -170,12 +180,12 @@ class Leader:
         for begin in (near, np.tile(start, (len(y), 1))):
             left = np.flatnonzero(~there)
             given = begin[left], (y[left],), mode
-            found, _, there[left] = self.closed(self.step, *given, contracting=False)
+            found, _, there[left] = self.closed(self.step, *given, False, begin[left])
             there[left[there[left]]] = self.on_side(found[there[left]], start, mode)
             q[left[there[left]]] = found[there[left]]
         left = np.flatnonzero(~there)
         for some in np.split(left, range(PARTS, left.size, PARTS)):
-            found, _, there[some] = self.scattered(start, y[some], mode, self.step)
+            found, _, there[some] = self.scattered(start, near[some], y[some], mode, self.step)
             q[some[there[some]]] = found[there[some]]
         return q, there
 
@@ -205,8 +215,11 @@ class Leader:
         """Return [Phi; J] (K, rows, nv) in the mechanism's own units at configurations (K, nq)."""
         return self.matrix(self.outputs(q)) * self.least.factors
 
-    def scattered(self, start: np.ndarray, y: np.ndarray, mode: np.ndarray, step: Step) -> Found:
-        """Return the q (K, nq) on a mode nearest to a start that random configurations lead to.
+    def scattered(
+        self, start: np.ndarray, near: np.ndarray, y: np.ndarray, mode: np.ndarray, step: Step
+    ) -> Found:
+        """Return the q (K, nq) on a mode, that of near ones (K, nq), nearest to a start that random
+        configurations lead to.
 
         Also at which of what is asked (K, rows) any is closed (K), and any is on the mode (K).
         """
@@ -218,7 +231,7 @@ class Leader:
         for places, _ in tree.quaternions:
             q[:, list(places)] = random.standard_normal((STARTS, 4))
         q, y = np.tile(unit(tree, q), (len(y), 1)), np.repeat(y, STARTS, axis=0)
-        q, good, fits = self.closed(step, q, (y,), mode, contracting=False)
+        q, good, fits = self.closed(step, q, (y,), mode, False, near.repeat(STARTS, axis=0))
         fits[fits] = self.on_side(q[fits], start, mode)
         for place, rate in tree.single if not self.mechanism.gears else ():
             if not tree.slides[rate]:
@@ -246,11 +259,15 @@ class Leader:
             except UnreachableError as error:
                 refusal = refusal or error
                 continue
-            if not self.strict or (self.fits(q, mode) and self.on_side(q[None], start, mode)[0]):
+            if not self.strict or (
+                self.fits(q, mode, near) and self.on_side(q[None], start, mode)[0]
+            ):
                 return q
             elsewhere = True
         if self.strict:
-            (q,), (met,), (fits,) = self.scattered(start, y[None], mode, self.least.step)
+            (q,), (met,), (fits,) = self.scattered(
+                start, near[None], y[None], mode, self.least.step
+            )
             if fits:
                 return q
             elsewhere |= bool(met)
@@ -264,12 +281,20 @@ class Leader:
 
     def keeps(self, q: np.ndarray) -> np.ndarray:
         """Tell which configurations (N, nq) of a motion are on the mode of the first one (N)."""
+        if self.modes.spared:
+            return np.logical_and.accumulate(self.alike(q[[0, *range(len(q) - 1)]], q))
         signs = self.signs(q)
         return same(signs, signs[0])
 
-    def fits(self, q: np.ndarray, mode: np.ndarray) -> bool:
-        """Tell whether a configuration (nq) is on a mode."""
+    def fits(self, q: np.ndarray, mode: np.ndarray, start: np.ndarray) -> bool:
+        """Tell whether a configuration (nq) is on a mode, that of a start (nq)."""
+        if self.modes.spared:
+            return bool(self.alike(start[None], q[None])[0])
         return bool(same(self.signs(q[None]), mode)[0])
+
+    def alike(self, q: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Tell which configurations are on the mode of others (K, nq), by all rows."""
+        return self.modes.alike(self.in_own_units(q), self.in_own_units(other))
 
     def signs(self, q: np.ndarray, *p: np.ndarray) -> np.ndarray:
         """Return the signs that tell modes apart (K, stages) at configurations (K, nq); p: as in
@@ -287,8 +312,9 @@ class Leader:
 
     @property
     def step(self) -> Step:
-        """Return the compiled steps where there are any, else those of least squares."""
-        return self.approach.step if self.approach else self.least.step
+        """Return the compiled steps where there are any, and no kept row vanishes in vain, else
+        those of least squares."""
+        return self.approach.step if self.approach and not self.modes.spared else self.least.step
 
     @property
     def tree(self) -> Tree:

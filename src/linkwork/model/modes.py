@@ -29,11 +29,15 @@ FLAT = 1e-5  # determinant, relative to its size around the reference, whose sig
 
 class ModeStage(NamedTuple):
     """Hold a stage of [Phi; J]: places of its rows and columns, and the size of its determinant
-    around the reference."""
+    around the reference.
+
+    spare: rows that are not kept, for they follow from others, the last of whose columns are here
+    """
 
     rows: tuple[int, ...]
     columns: tuple[int, ...]
     size: float
+    spare: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,29 @@ class ModeStages:
         """Return the determinants (..., stages) relative to their sizes."""
         found = [determinant(A, stage.rows, stage.columns) / stage.size for stage in self.stages]
         return np.stack(found, axis=-1) if found else np.zeros((*A.shape[:-2], 0))
+
+    def alike(self, A: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Tell by all rows which configurations are on the mode of others (K), for [Phi; J] of both
+        in own units.
+
+        Rows that depend on others may vanish where no pose is singular, and with them a determinant
+        of kept ones. By all rows of a stage
+
+            det(A' B) = sum det(A_s) det(B_s)       s: every choice of as many rows as columns
+
+        which changes its sign where all choices do at a time.
+        Source: Horn & Johnson 2013, sec. 0.8.7 (Cauchy-Binet).
+        """
+        found = np.ones(len(other), bool)
+        for stage in self.stages:
+            at = np.ix_((*stage.rows, *stage.spare), stage.columns)
+            found &= np.linalg.det(A[:, *at].swapaxes(1, 2) @ other[:, *at]) >= 0
+        return found
+
+    @property
+    def spared(self) -> bool:
+        """Whether rows are left out that could stand for others."""
+        return any(stage.spare for stage in self.stages)
 
     def told(self, parts: np.ndarray) -> np.ndarray:
         """Return the signs of determinants relative to their sizes, 0 near singular poses."""
@@ -90,11 +117,13 @@ def modes_of(equations: Equations, p: np.ndarray, asked: Asked) -> ModeStages:
     if not len(kept) == len(order) == equations.nv:
         return ModeStages()
     pattern, read_off, stages = constancy(A), np.array(samples), []
-    for rows_of, columns_of in triangular({r: tuple(pattern[r]) for r in kept}):
-        columns = tuple(sorted(columns_of))
+    parts, left = triangular({r: tuple(pattern[r]) for r in kept}), {*pattern} - {*kept}
+    for k, (rows_of, columns_of) in enumerate(parts):
+        columns, later = tuple(sorted(columns_of)), {c for _, own in parts[k + 1 :] for c in own}
+        spare = [r for r in left if {*pattern[r]} & columns_of and not {*pattern[r]} & later]
         if not all(pattern[r].get(c, True) for r in rows_of for c in columns):
             size = float(np.abs(determinant(read_off, rows_of, columns)).max())
-            stages.append(ModeStage(rows_of, columns, max(size, 1e-300)))
+            stages.append(ModeStage(rows_of, columns, max(size, 1e-300), tuple(sorted(spare))))
     units = np.concatenate([equations.rows.units, asked.units])
     ((_, blocks, _),) = choose_orders(
         pattern, read_off[None] * (tree.rate_units / units[:, None]), kept, ()
