@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from linkwork.formats import poses
+from linkwork.formats.mjcf.bounds import Pulls
 from linkwork.formats.mjcf.document import ACTUATORS, Document
 from linkwork.formats.mjcf.drive_laws import DriveReader, Numbers
 from linkwork.formats.mjcf.joints import DrivenBall, Joints
@@ -65,6 +66,10 @@ class Actuation:
     transmissions: dict[str, Transmission] = field(default_factory=dict)
     drives: dict[str, Numbers] = field(default_factory=dict)
 
+    def pulled(self) -> list[Transmission]:
+        """Return what actuators act along, beside rates."""
+        return [self.transmissions[name] for name in self.names if name in self.transmissions]
+
 
 def driven_sites(document: Document) -> set[str]:
     """Return the sites that actuators name."""
@@ -80,7 +85,8 @@ def ball_drives(document: Document) -> dict[str, DrivenBall]:
     """Return how balls are driven, by name of the ball, where actuators are named "ball.wx" and so
     on."""
     wanted: dict[tuple[str, bool], dict[int, np.ndarray]] = {}
-    for element in document.each("actuator"):
+    for raw in document.each("actuator", *ACTUATORS):
+        element = document.resolved(raw, "actuator")
         index = ANGULAR_VELOCITY.get(element.attributes.get("name", "").rpartition(".")[2])
         gear = np.array(element.numbers("gear", (1, 2, 3, 4, 5, 6), (1.0,)))
         for key, from_body in (("jointinparent", False), ("joint", True)):
@@ -141,11 +147,7 @@ class ActuatorReader:
             if name is None:
                 continue
             self.found.names[name] = None
-            line = self.found.transmissions.get(name)
-            # These have the gear in them.
-            whole = isinstance(line, Thrust | Displacement) or "." in name
-            between = line if isinstance(line, Displacement | SliderCrank) else None
-            law = self.laws.law(element, 1.0 if whole else float(gear[0]), between)
+            law = self._law(element, name, float(gear[0]))
             if law:
                 self.found.drives[name] = law
         if self.found.drives:
@@ -154,24 +156,22 @@ class ActuatorReader:
                 "given to a run (drives=robot.drives, --drives) they make forces of the file's "
                 "controls"
             )
-        self._note_bounds()
+        pulls = Pulls(self.document, self.tree, self.users, self.direct, self.pullers)
+        pulls.tell(self.found.pulled(), self.tendon_elements.values(), self.notes)
         return self.found
 
-    def _note_bounds(self) -> None:
-        """Note the bounds of what actuators do together that are not those of a single drive."""
-        joints = [(self.users[piece.name or ""], piece.element) for piece in self.pieces.values()]
-        tendons = [(self.pullers[name], element) for name, element in self.tendon_elements.items()]
-        for users, element in (*joints, *tendons):
-            name = element.attributes.get("name") if element.tag == "joint" else None
-            own = name is not None and users == self.direct[name]
-            if not users or (users == 1 and (own or element.tag != "joint")):
-                continue
-            if "actuatorfrcrange" in element.attributes:
-                self.notes.on(
-                    element,
-                    "says actuatorfrcrange, which is left out: it bounds the sum of several "
-                    "actuators, or what a tendon does",
-                )
+    def _law(self, element: Element, name: str, gear: float) -> Numbers:
+        """Return the numbers of the drive of an actuator that acts on a rate or a transmission."""
+        own, _, freedom = name.rpartition(".")
+        if own in self.joints.groups and freedom in ANGULAR_VELOCITY:
+            return self.laws.of_turn(element)
+        if own in self.joints.floats.values() and name not in self.joints.coordinates.values():
+            return self.laws.of_float(element)
+        # These have the gear in them.
+        line = self.found.transmissions.get(name)
+        whole = isinstance(line, Thrust | Displacement)
+        between = line if isinstance(line, Displacement | SliderCrank | Thrust) else None
+        return self.laws.law(element, 1.0 if whole else gear, between)
 
     # ------------------------------------------------------------------------------ what is driven
 

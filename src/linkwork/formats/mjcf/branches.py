@@ -23,7 +23,12 @@ def on_one_branch(
     if isinstance(line, Combination):
         moved = {owners[label] for label, ratio in line.ratios.items() if ratio and label in owners}
     else:
-        ways = [None if isinstance(p, PulleyBlock) else {*chain(p.body)} for p in line.path]
-        pairs = [(a, b) for a, b in pairwise(ways) if a is not None and b is not None]
-        moved = set().union(*(a ^ b for a, b in pairs))
+        moved = movers(line, chain)
     return not moved or moved <= max(({*chain(body)} for body in moved), key=len)
+
+
+def movers(cable: Cable, chain: Callable[[str], Iterable[str]]) -> set[str]:
+    """Return the bodies whose joints change the length of a cable; chain: as of on_one_branch."""
+    ways = [None if isinstance(p, PulleyBlock) else {*chain(p.body)} for p in cable.path]
+    pairs = [(a, b) for a, b in pairwise(ways) if a is not None and b is not None]
+    return set().union(*(a ^ b for a, b in pairs))

@@ -18,6 +18,7 @@ import numpy as np
 from linkwork.formats import poses, xml
 from linkwork.formats.mjcf.attachments import Attachable, AttachmentWriter, Remark
 from linkwork.formats.mjcf.options import MERGE, mode_of
+from linkwork.formats.mjcf.presets import joined, of_actuator
 from linkwork.formats.mjcf.replicas import ReplicaWriter
 from linkwork.formats.xml import Element
 from linkwork.mechanism import MechanismError
@@ -44,21 +45,31 @@ class Class:
     element, in their order."""
 
     parent: Class | None = None
-    own: dict[str, list[Mapping[str, str]]] = field(default_factory=dict)
+    own: dict[str, list[Element]] = field(default_factory=dict)
 
     def settings(self, kind: str) -> dict[str, str]:
         """Return the attributes of a kind of element, those of the parent first."""
         known = {} if self.parent is None else self.parent.settings(kind)
-        for attributes in self.own.get(kind, ()):
-            known = overridden(known, attributes)
+        for element in self.own.get(kind, ()):
+            known = overridden(known, element.attributes)
         return known
+
+    @cached_property
+    def actuators(self) -> tuple[Mapping[str, str], ...]:
+        """Return the attributes of actuators in this class and those around it, the nearest
+        first."""
+        states = () if self.parent is None else self.parent.actuators
+        known = states[0] if states else {}
+        for element in self.own.get("actuator", ()):
+            known = of_actuator(element, (known, *states))
+        return known, *states
 
 
 def overridden(known: Mapping[str, str], own: Mapping[str, str]) -> dict[str, str]:
     """Return attributes in place of known ones; an orientation replaces one in another form."""
     if any(form in own for form in ORIENTATIONS):
         known = {key: value for key, value in known.items() if key not in ORIENTATIONS}
-    return {**known, **own}
+    return joined(known, own)
 
 
 Defaults = dict[str, Class]
@@ -83,6 +94,7 @@ class Compiler:
         strip_path: names of files without their folders.
         fit_box: geoms are fitted to the box around a mesh, not to that of equal inertia.
         align_free: frames of free bodies are put into their principal axes.
+        fuses: bodies without joints are made part of those that they stand in.
     """
 
     degrees: bool = True
@@ -98,6 +110,7 @@ class Compiler:
     strip_path: bool = False
     fit_box: bool = False
     align_free: bool = False
+    fuses: bool = False
 
     def angle(self, value: float) -> float:
         """Return an angle of the file in radians."""
@@ -147,6 +160,7 @@ class Compiler:
             strip_path=flag(section, "strippath", self.strip_path),
             fit_box=flag(section, "fitaabb", self.fit_box),
             align_free=flag(section, "alignfree", self.align_free),
+            fuses=flag(section, "fusestatic", self.fuses),
         )
 
 
@@ -218,6 +232,16 @@ class Document:
         off = {name for name, state in said.items() if state == "disable"}
         return frozenset(off | CONSTRAINTS if "constraint" in off else off)
 
+    @cached_property
+    def named(self) -> frozenset[str]:
+        """Return whatever the sections beside the bodies say, names of bodies among it."""
+        found, left = set(), [part for part in self.root.children if part.tag != "worldbody"]
+        while left:
+            element = left.pop()
+            found |= {*element.attributes.values()}
+            left += element.children
+        return frozenset(found)
+
     @property
     def passive(self) -> bool:
         """Whether fluids and gravcomp act: without springs and dampers MuJoCo leaves them out."""
@@ -258,7 +282,11 @@ class Document:
         name = element.attributes.get("class", childclass)
         if name not in self.defaults:
             raise element.refusal(f"there is no default class {xml.shortened(name)}")
-        attributes = overridden(self.defaults[name].settings(kind), element.attributes)
+        table = self.defaults[name]
+        if kind == "actuator":
+            attributes = of_actuator(element, table.actuators)
+        else:
+            attributes = overridden(table.settings(kind), element.attributes)
         for switch, (kinds, attribute) in SWITCHED.items():
             if switch in self.off and kind in kinds:
                 attributes.pop(attribute, None)
@@ -321,7 +349,7 @@ def _read_defaults(section: Element, name: str, defaults: Defaults) -> None:
     for element in section.children:
         if element.tag != "default":
             kind = "actuator" if element.tag in ACTUATORS else element.tag
-            table.own.setdefault(kind, []).append(element.attributes)
+            table.own.setdefault(kind, []).append(element)
     for subclass in section.each("default"):
         child = subclass.text("class")
         defaults[child] = Class(table)

@@ -13,7 +13,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import pi
 from typing import TypeAlias
 
 import numpy as np
@@ -23,10 +22,11 @@ from linkwork.formats.mjcf.inertia import FREEDOMS, along, inertia, mobility, mo
 from linkwork.formats.mjcf.joints import Joints
 from linkwork.formats.mjcf.laws import MUSCLE
 from linkwork.formats.mjcf.motors import MotorLaw, motor_law
+from linkwork.formats.mjcf.presets import area, first
 from linkwork.formats.mjcf.tree import ModelTree, Piece
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
-from linkwork.mechanism import Cable, Combination, Displacement, SliderCrank
+from linkwork.mechanism import Cable, Combination, Displacement, SliderCrank, Thrust
 
 LAWS = ("motor", "position", "velocity", "intvelocity", "damper", "cylinder", "general")
 MOTORS = ("pid", "dcmotor")
@@ -36,7 +36,8 @@ UNKNOWN_IN_MUSCLES = ("forcerange", "forcelimited", "actlimited", "actrange", "a
 PLAIN = "is taken as a plain actuator: its control law is left out, the force is yours"
 
 Numbers = dict[str, float | str]
-ActedAlong: TypeAlias = Combination | Cable | SliderCrank | Displacement
+Between: TypeAlias = SliderCrank | Displacement | Thrust
+ActedAlong: TypeAlias = Combination | Cable | Between
 
 
 @dataclass
@@ -60,11 +61,9 @@ class DriveReader:
     users: Counter[str]
     pullers: Counter[str | None]
     notes: Notes
-    between: SliderCrank | Displacement | None = None
+    between: Between | None = None
 
-    def law(
-        self, element: Element, gear: float, between: SliderCrank | Displacement | None = None
-    ) -> Numbers:
+    def law(self, element: Element, gear: float, between: Between | None = None) -> Numbers:
         """Return the numbers of the drive that an actuator is; none of one that gives its control
         as a force; between: what it acts along, if that is neither joints nor a tendon."""
         self.between = between
@@ -88,11 +87,30 @@ class DriveReader:
             numbers |= self._range(element, "act", "activation")
         return {"type": kind, **numbers} if numbers or kind != "servo" else {}
 
+    def of_turn(self, element: Element) -> Numbers:
+        """Return what `law` does of an actuator of a turn in space, which no drive here acts on: it
+        gives its control as a force, and what else it does is noted."""
+        ranges = ("forcerange", "ctrlrange")
+        bounded = any(
+            self.document.is_limited(element, key, f"{key[:-5]}limited") for key in ranges
+        )
+        if element.tag != "motor" or bounded:
+            self.notes.on(element, f"{PLAIN}, for no drive here acts on a turn in space")
+        return {}
+
+    def of_float(self, element: Element) -> Numbers:
+        """Return what `law` does of an actuator that pushes a free body, where MuJoCo's length is
+        zero."""
+        numbers = {} if element.tag == "muscle" else self.law(element, 1.0)
+        if not numbers and element.tag != "motor":
+            self.notes.on(element, PLAIN)
+        return {key: value for key, value in numbers.items() if not key.endswith("_position")}
+
     def _motor(self, element: Element, gear: float) -> Numbers:
         """Return the numbers of the drive that a <pid> or <dcmotor> is; none of one that has more
         than a drive here."""
-        kp, kv = element.number("kp", 1.0), element.number("kv", 0.0)
-        law = motor_law(element, self._damping(element, gear, kp, kv))
+        kp = element.number("kp", 1.0)
+        law = motor_law(element, self._damping(element, gear, kp))
         bounds: Numbers = {}
         if isinstance(law, MotorLaw):
             bounds = self._range(element, law.ranged, "command", "ctrl")
@@ -131,52 +149,62 @@ class DriveReader:
     ) -> tuple[np.ndarray, np.ndarray, tuple[str, float]]:
         """Return gain and bias (constant, by l, by l'), and the activation's kind and time
         constant, as MuJoCo's shortcuts mean them."""
-        gain = first(element, "gainprm", 3, (1.0,))
-        bias = first(element, "biasprm", 3)
-        dynamics = element.attributes.get("dyntype", "none"), first(element, "dynprm", 1, (1.0,))[0]
         match element.tag:
             case "motor":
                 return np.array([1.0, 0, 0]), np.zeros(3), ("none", 0.0)
             case "position" | "intvelocity":
-                return self._servo(element, gear, gain[0], -bias[2])
+                return self._servo(element, gear)
             case "velocity":
-                kv = element.number("kv", gain[0])
+                kv = element.number("kv", 1.0)
                 return np.array([kv, 0, 0]), np.array([0, 0, -kv]), ("none", 0.0)
             case "damper":
-                kv = element.number("kv", 1.0)
-                return np.array([0, 0, -kv]), np.zeros(3), ("none", 0.0)
+                return np.array([0, 0, -element.number("kv", 0.0)]), np.zeros(3), ("none", 0.0)
             case "cylinder":
-                area = element.number("area", gain[0])
-                if "diameter" in element.attributes:
-                    area = pi / 4 * element.number("diameter") ** 2
-                lag = "filter", element.number("timeconst", 1.0)
-                return np.array([area, 0, 0]), first(element, "bias", 3), lag
-        affine = element.attributes.get("gaintype", "fixed") == "affine"
-        biased = element.attributes.get("biastype", "none") == "affine"
-        return gain if affine else gain * (1, 0, 0), bias if biased else np.zeros(3), dynamics
+                gain = np.array([area(element), 0, 0])
+                bias = np.array(element.numbers("bias", (3,), (0.0,) * 3))
+                dynamics = "filter", element.number("timeconst", 1.0)
+            case _:
+                kinds = [
+                    element.attributes.get(key) == "affine" for key in ("gaintype", "biastype")
+                ]
+                gain = np.array(first(element, "gainprm", 3, (1.0,))) * (1, kinds[0], kinds[0])
+                bias = np.array(first(element, "biasprm", 3)) * kinds[1]
+                (time,) = first(element, "dynprm", 1, (1.0,))
+                dynamics = element.attributes.get("dyntype", "none"), time
+        # What is damped by a ratio, as a position servo is.
+        if bias[2] > 0 and gain[0] == -bias[1]:
+            bias[2] = -self._by_ratio(element, gear, gain[0], bias[2])
+        return gain, bias, dynamics
 
     def _servo(
-        self, element: Element, gear: float, kp: float, kv: float
+        self, element: Element, gear: float
     ) -> tuple[np.ndarray, np.ndarray, tuple[str, float]]:
         """Return what `_prms` does of a position servo, or of one whose control is the rate of its
-        goal; kp, kv: where they are left out."""
-        kp = element.number("kp", kp)
-        kv = self._damping(element, gear, kp, element.number("kv", kv))
+        goal."""
+        kp = element.number("kp", 1.0)
+        kv = self._damping(element, gear, kp)
         lag = element.number("timeconst", 0.0)
         servo = ("filterexact" if lag else "none"), lag
         dynamics = servo if element.tag == "position" else ("integrator", 0.0)
         return np.array([kp, 0, 0]), np.array([0, -kp, -kv]), dynamics
 
-    def _damping(self, element: Element, gear: float, kp: float, kv: float) -> float:
+    def _damping(self, element: Element, gear: float, kp: float) -> float:
         """Return the damping of a servo, by its ratio where that is given."""
         if "dampratio" not in element.attributes:
-            return kv
-        return 2 * element.number("dampratio") * np.sqrt(kp * self._reflected(element, gear))
+            return element.number("kv", 0.0)
+        return self._by_ratio(element, gear, kp, element.number("dampratio"))
+
+    def _by_ratio(self, element: Element, gear: float, kp: float, ratio: float) -> float:
+        """Return the damping of a servo by its ratio, nothing where that moves nothing."""
+        along = mobility(self.inertia[0], self._row(element, gear))
+        return 2 * ratio * float(np.sqrt(kp / along)) if along else 0.0
 
     def _range(self, element: Element, key: str, what: str, limited: str = "") -> Numbers:
         """Return the bounds of a control, force or activation, where there are any; limited: what
         the attribute that says whether begins with, if not as the range."""
         name = f"{key}range"
+        if (limited or key) == "ctrl" and "clampctrl" in self.document.off:
+            return {}
         if not self.document.is_limited(element, name, f"{limited or key}limited"):
             return self._inherited(element, what)
         least, largest = element.numbers(name, (2,), (0.0, 0.0))
@@ -234,6 +262,9 @@ class DriveReader:
         force = element.number("force", -1.0)
         if force < 0:
             force = element.number("scale", 200.0) / max(self._acceleration(element, gear), TINY)
+        if force <= 0:
+            self.notes.on(element, f"{PLAIN}, for a muscle without force is none here")
+            return {}
         times = element.numbers("timeconst", (1, 2), (0.01, 0.04))
         numbers = {
             "peak_force": force,
@@ -254,17 +285,20 @@ class DriveReader:
         moved = moved_by(self.inertia[0], self._row(element, gear))
         return float("inf") if moved is None else float(np.linalg.norm(moved))
 
-    def _reflected(self, element: Element, gear: float) -> float:
-        """Return the inertia that an actuator sees at qpos0 [kg, kg m^2], 1 / (J M^-1 J')."""
-        return 1 / mobility(self.inertia[0], self._row(element, gear))
-
     def _row(self, element: Element, gear: float) -> np.ndarray:
         """Return J (nv) of an actuator at qpos0."""
         line = self.between or self.tendons.get(element.attributes.get("tendon", ""))
         if line is not None:
             return gear * self._along(line, self.inertia[1])
-        ratios = dict.fromkeys((self.joints.coordinates[n] for n in self.moved(element)), 1.0)
-        return gear * self._along(Combination(ratios=ratios), self.inertia[1])
+        (joint,) = self.moved(element)
+        if joint in self.joints.coordinates:
+            line = Combination(ratios={self.joints.coordinates[joint]: 1.0})
+            return gear * self._along(line, self.inertia[1])
+        # Of a free joint the rates along its axes, which its gear names.
+        J = np.zeros(len(self.inertia[0]))
+        given = element.numbers("gear", tuple(range(1, 7)), (1.0,))
+        J[self.inertia[1][joint] :][: len(given)] = given
+        return J
 
     def _along(self, line: ActedAlong, places: dict[str, int]) -> np.ndarray:
         """Return J (nv) of a transmission at qpos0."""
@@ -278,28 +312,19 @@ class DriveReader:
     @cached_property
     def inertia(self) -> tuple[np.ndarray, dict[str, int]]:
         """Return the tree's M at qpos0, with what moves along tendons, and the places in it of the
-        coordinates of hinges and slides."""
+        coordinates of hinges and slides, and of free joints."""
         M, rates = inertia(self.tree)
         at = {
             piece.name: rate.start
             for (_, piece), rate in zip(self.tree.pieces(), rates, strict=True)
         }
         places = {label: at[name] for name, label in self.joints.coordinates.items() if name in at}
+        places |= {name: at[name] for name in self.joints.floats if name in at}
         for line in self.tendons.values():
             if line.inertia:
                 J = self._along(line, places)
                 M = M + line.inertia * np.outer(J, J)
         return M, places
-
-
-def first(
-    element: Element, name: str, count: int, default: tuple[float, ...] = (0.0,)
-) -> np.ndarray:
-    """Return the first few numbers of an attribute, zeros where there are fewer."""
-    given = element.attributes.get(name)
-    words = tuple(range(1, 33))
-    values = element.numbers(name, words, default) if given else default
-    return np.array([*values, *([0.0] * count)][:count])
 
 
 def servo(gain: np.ndarray, bias: np.ndarray, gear: float) -> Numbers:

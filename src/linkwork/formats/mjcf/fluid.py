@@ -15,10 +15,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from linkwork.formats import poses
+from linkwork.formats.mjcf.body_mass import LEAST
 from linkwork.formats.mjcf.carried_fluid import as_summed, gap
 from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.geoms import SIZES, kind_of, measured
-from linkwork.formats.mjcf.tree import LEAST, ModelBody, ModelTree
+from linkwork.formats.mjcf.tree import ModelBody, ModelTree
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element

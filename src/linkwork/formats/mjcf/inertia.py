@@ -14,7 +14,7 @@ from linkwork.formats import poses
 from linkwork.formats.mjcf.document import ACTUATORS, Document
 from linkwork.formats.mjcf.tree import ModelTree, Piece
 from linkwork.formats.notes import Notes
-from linkwork.mechanism import GROUND, Cable, Displacement, SliderCrank
+from linkwork.mechanism import GROUND, Cable, Displacement, SliderCrank, Thrust
 
 FREEDOMS = {"slide": 1, "hinge": 1, "ball": 3, "free": 6}
 UNSEEN = "has an armature, which is left out"
@@ -64,9 +64,13 @@ def jacobians(tree: ModelTree, origins: bool = False) -> dict[str, np.ndarray]:
     return found
 
 
-def along(line: Cable | SliderCrank | Displacement, tree: ModelTree) -> np.ndarray:
-    """Return J (nv) of l' = J w of what is measured between bodies at qpos0."""
+def along(line: Cable | SliderCrank | Displacement | Thrust, tree: ModelTree) -> np.ndarray:
+    """Return J (nv) of l' = J w of a thrust, or of what is measured between bodies, at qpos0."""
     at, moving = tree.poses(), jacobians(tree, origins=True)
+    if isinstance(line, Thrust):
+        point, force = np.array(line.point), np.array(line.force)
+        wrench = np.array([line.moment + np.cross(point, force), force])
+        return (wrench @ at[line.body][:3, :3].T).ravel() @ moving[line.body]
 
     def place(body: str) -> tuple[ca.SX, ca.SX]:
         X = np.eye(4) if body == GROUND else at[body]

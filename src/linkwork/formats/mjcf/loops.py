@@ -79,10 +79,12 @@ class Ties:
 
 
 class LoopReader:
-    """Read the section <equality> of a document whose tree is known."""
+    """Read the section <equality> of a document whose tree is known; standing: the tree with mocap
+    bodies where a keyframe puts them."""
 
-    def __init__(self, document: Document, tree: ModelTree, notes: Notes):
+    def __init__(self, document: Document, tree: ModelTree, standing: ModelTree, notes: Notes):
         self.document, self.tree, self.notes = document, tree, notes
+        self.turns = {body: X[:3, :3] for body, X in standing.poses().items()}
         self.at_zero, self.at_rest = tree.poses(), tree.poses(tree.positions(springs=True))
         self.pieces = {piece.name: piece for _, piece in tree.pieces() if piece.name}
 
@@ -219,7 +221,7 @@ class LoopReader:
     ) -> RevoluteJoint:
         """Return a revolute joint about z of its frames, at zero where the bodies stand at
         qpos0."""
-        one, two = (self.at_zero[body][:3, :3] for body in connects)
+        one, two = (self.turns[body] for body in connects)
         first = poses.across(axes[0], np.eye(3)[np.argmin(abs(axes[0]))])
         second = poses.across(axes[1], two.T @ one @ first[:, 0])
         frames = (
@@ -240,9 +242,9 @@ class LoopReader:
                     "across it; nothing is lost"
                 ),
             )
-            axes = [self.at_zero[body][:3, :3].T @ normal for body in tie.bodies]
+            axes = [self.turns[body].T @ normal for body in tie.bodies]
             return self._hinge(tie.bodies, np.array(tie.points), axes)
-        turn = self.at_zero[tie.bodies[1]][:3, :3].T @ self.at_zero[tie.bodies[0]][:3, :3]
+        turn = self.turns[tie.bodies[1]].T @ self.turns[tie.bodies[0]]
         frames = (
             Frame(position=poses.triple(tie.points[0])),
             poses.frame_of(poses.pose(tie.points[1], turn)),
@@ -256,7 +258,7 @@ class LoopReader:
         common = {node.name for node in chains[0]} & {node.name for node in chains[1]}
         between = [node for chain in chains for node in chain if node.name not in common]
         return plane_normal(
-            (piece.kind, self.at_zero[node.name][:3, :3] @ piece.axis)
+            (piece.kind, self.turns[node.name] @ piece.axis)
             for node in between
             for piece in node.pieces
         )
@@ -264,7 +266,7 @@ class LoopReader:
     # -------------------------------------------------------------------------------- joint, tendon
 
     def _coupling(self, element: Element) -> list[Coupling]:
-        offset, ratio, *higher = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)
+        offset, ratio, *higher = polynomial(element)
         powers = tuple(higher) if any(higher) else ()
         names = element.text("joint1"), element.attributes.get("joint2", "")
         for name in (names[0], *filter(None, names[1:])):
@@ -313,6 +315,12 @@ class LoopReader:
         motion = poses.pose(*displacement(joint, np.array([value])))
         first = poses.frame_of(poses.of_frame(joint.frames[0]) @ motion)
         return FixedJoint(connects=joint.connects, frames=(first, joint.frames[1]))
+
+
+def polynomial(element: Element) -> tuple[float, ...]:
+    """Return the coefficients of an equality; those that are left out are MuJoCo's own."""
+    given = element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL)
+    return (*given, *POLYNOMIAL[len(given) :])
 
 
 def following(

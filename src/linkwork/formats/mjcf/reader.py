@@ -88,11 +88,11 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
     tree = aligned(document, read_tree(document, notes))
     added = reflected(document, tree, notes)
     tree = with_reflected(with_spring_dampers(document, tree, notes), added.joints)
-    loops = LoopReader(document, tree, notes)
+    standing = _put_by_key(document, tree)
+    loops = LoopReader(document, tree, standing, notes)
     ties = loops.ties()
     # Joints of the tree, and the bodies between several joints of one body.
     names, body_names = FreeNames(notes), FreeNames(notes, (GROUND, *tree.nodes))
-    standing = _put_by_key(document, tree)
     joints = read_joints(
         standing, _free_couplings(document, ties), ball_drives(document), names, body_names
     )

@@ -72,6 +72,7 @@ SOLVING = {
 JOINT = {
     "type", "pos", "axis", "ref", "range", "limited", "stiffness", "springref", "damping",
     "frictionloss", "armature", "actuatorfrcrange", "actuatorfrclimited", "springdamper",
+    "actuatorgravcomp",
 }  # fmt: skip
 GEOM = {
     "type", "size", "fromto", "mass", "density", "mesh", "hfield", "shellinertia", "contype",
@@ -161,7 +162,6 @@ BOUNDS = (
     "range",
     "actuatorfrcrange",
     "actuatorfrclimited",
-    "actuatorgravcomp",
     "mocap",
 )
 

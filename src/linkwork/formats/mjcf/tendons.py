@@ -18,11 +18,11 @@ import numpy as np
 
 from linkwork.equations.cables import way
 from linkwork.formats import poses
-from linkwork.formats.mjcf.branches import on_one_branch
+from linkwork.formats.mjcf.branches import movers, on_one_branch
 from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.geoms import kind_of, measured
 from linkwork.formats.mjcf.joints import Joints
-from linkwork.formats.mjcf.loops import POLYNOMIAL, LoopReader, following
+from linkwork.formats.mjcf.loops import LoopReader, following, polynomial
 from linkwork.formats.mjcf.reflected import Added
 from linkwork.formats.mjcf.tendon_limits import stop_of
 from linkwork.formats.names import FreeNames
@@ -50,6 +50,7 @@ OFF_TREE = (
     "has an armature that couples joints on different branches of the tree: MuJoCo leaves this out "
     "of its inertia matrix, and here it is whole"
 )
+STILL = "is left out: no joint changes its length"
 Held = tuple[Element, float]  # the equality, and by how much it differs from the length at qpos0
 
 
@@ -117,7 +118,7 @@ class TendonReader:
         another."""
         held, following = {}, []
         for element in equalities:
-            offset, *slopes = element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL)
+            offset, *slopes = polynomial(element)
             if "tendon2" in element.attributes and any(slopes):
                 following.append(element)
             else:
@@ -128,7 +129,7 @@ class TendonReader:
         """Add the gear by which a tendon follows another one:
         l1 - l1_0 = a0 + a1 (l2 - l2_0) + ..."""
         # Both tendons.
-        offset, ratio, *higher = (*element.numbers("polycoef", (1, 2, 3, 4, 5), POLYNOMIAL), 0.0)
+        offset, ratio, *higher = polynomial(element)
         names = element.text("tendon1"), element.text("tendon2")
         if missing := [name for name in names if name not in self.found.lines]:
             remark = f"is left out: there is no tendon {missing[0]!r} that is read"
@@ -137,8 +138,9 @@ class TendonReader:
         lines = [self.found.lines[name] for name in names]
         ratios_of = [line.ratios for line in lines if isinstance(line, Combination)]
         label = self.names.give(element.attributes.get("name", "_".join(names)))
-        # Lengths of cables, and powers of a sum of several joints, are those of transmissions.
-        if len(ratios_of) < 2 or (any(higher) and len(ratios_of[1]) > 1):
+        # Lengths of cables, of one joint alone, and powers of a sum are those of transmissions.
+        alone = len({label for ratios in ratios_of for label in ratios}) < 2
+        if len(ratios_of) < 2 or alone or (any(higher) and len(ratios_of[1]) > 1):
             start, end = (self._length_at_zero(line) for line in lines)
             about = offset + start, ratio, *higher
             self.found.ties[label] = following(element, {names[0]: 1.0}, names[1], about, end, 1.0)
@@ -180,6 +182,9 @@ class TendonReader:
             self.notes.on(element, "is left out: it neither holds nor pulls")
             return
         cable = element.make(Cable, path=self._path(element))
+        if not movers(cable, self._chain) and (tied or not self.document.is_limited(element)):
+            self.notes.on(element, STILL)
+            return
         at_rest = self._way(cable, self.loops.at_rest)
         line = self._loaded(element, cable, at_rest, held=holds is not None)
         self.found.lines[name] = line
@@ -248,12 +253,11 @@ class TendonReader:
         # Its two ends, and what it does between them.
         ends = [self.loops.site(element, part.text("site")) for part in element.children]
         bodies, points = (ends[0][0], ends[1][0]), (ends[0][1][:3, 3], ends[1][1][:3, 3])
-        if bodies[0] == bodies[1]:
-            self.notes.on(element, "is left out: both of its ends are on one body")
+        if self._chain(bodies[0]) == self._chain(bodies[1]):
+            one = "is left out: both of its ends are on one body"
+            self.notes.on(element, one if bodies[0] == bodies[1] else STILL)
             return
-        stiffness, damping = (
-            element.numbers(key, (1, 2, 3), (0.0,))[0] for key in ("stiffness", "damping")
-        )
+        stiffness, damping = (linear(self.notes, element, key) for key in ("stiffness", "damping"))
         name = element.attributes.get("name", "tendon")
         # Held at a length it is a rod.
         if holds:
@@ -307,7 +311,8 @@ class TendonReader:
                 raise part.refusal(f"there is no hinge or slide {name!r} that can be geared")
             label = self.joints.coordinates[name]
             ratios[label] = ratios.get(label, 0.0) + factor
-        if not any(ratios.values()):
+        ratios = {label: ratio for label, ratio in ratios.items() if ratio}
+        if not ratios:
             self.notes.on(element, "is left out: it moves with no joint")
             return
         name = self._name(element)
@@ -356,10 +361,11 @@ class TendonReader:
             if piece.name in self.joints.coordinates
         }
 
-        def chain(body: str) -> list[str]:
-            return [node.name for node in tree.chain(body) if node.pieces]
+        return on_one_branch(line, owners, self._chain)
 
-        return on_one_branch(line, owners, chain)
+    def _chain(self, body: str) -> list[str]:
+        """Return the bodies with joints from a body to ground."""
+        return [node.name for node in self.loops.tree.chain(body) if node.pieces]
 
     def _spring(self, element: Element, at_rest: float) -> SlackSpring:
         """Return the spring and damper along a tendon whose length where joints' springs rest is

@@ -19,33 +19,19 @@ from typing import Any, Literal
 import numpy as np
 
 from linkwork.formats import poses
+from linkwork.formats.mjcf.body_mass import BodyMass, Geoms
 from linkwork.formats.mjcf.document import MAIN, OWN, Document
-from linkwork.formats.mjcf.geoms import (
-    SHAPES,
-    SIZES,
-    fromto,
-    is_heavy,
-    is_shown,
-    kind_of,
-    materials_of,
-    measured,
-    shown,
-    weighed,
-)
+from linkwork.formats.mjcf.geoms import SHAPES, fromto, is_shown, kind_of, materials_of, shown
 from linkwork.formats.mjcf.meshes import Meshes
 from linkwork.formats.mjcf.principal import principal_axes
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import GROUND, Friction, Limits, Shape, Spring
-from linkwork.solids.solid import Solid, together
+from linkwork.solids.solid import Solid
 
 WORLD = "world"
 NEAR = 1e-9  # directions that agree [1]
-ONLY_MESHES = (
-    "has no mass here: all of it is that of meshes, which are not weighed; give it an <inertial>"
-)
-LEAST = 1e-14  # mass of a geom that counts [kg]
 UNLIMITED = 1e10  # beyond this a limit stands for none [m, rad]
 
 Kind = Literal["hinge", "slide", "ball", "free"]
@@ -112,7 +98,7 @@ class ModelBody:
     pieces: tuple[Piece, ...]
     solid: Solid
     shapes: tuple[Shape, ...] = ()
-    geoms: tuple[tuple[Element, np.ndarray], ...] = ()
+    geoms: Geoms = ()
     own_axes: np.ndarray | None = None
 
     @property
@@ -230,11 +216,20 @@ class TreeReader:
 
     def finished(self) -> ModelTree:
         total = self.document.compilers[OWN].total_mass
-        mass = sum(node.solid.mass for node in self.tree.nodes.values())
+        mass = sum(node.solid.mass for node in self.tree.nodes.values() if not self.is_fused(node))
         if total > 0 and mass > 0:
             for name, node in self.tree.nodes.items():
                 self.tree.nodes[name] = replace(node, solid=node.solid.scaled(total / mass))
         return self.tree
+
+    def is_fused(self, node: ModelBody) -> bool:
+        """Tell whether MuJoCo's compiler makes a body part of the world."""
+        return self.document.compilers[OWN].fuses and all(
+            not each.pieces
+            and each.element.attributes.get("mocap") != "true"
+            and each.raw not in self.document.named
+            for each in self.tree.chain(node.name)
+        )
 
     def body(self, element: Element, parent: str, childclass: str, X: np.ndarray) -> None:
         """Read a body and all inside it; X is the pose of the frames around it in its parent."""
@@ -257,11 +252,13 @@ class TreeReader:
             raise element.refusal(
                 "a free joint is the only joint of a body that stands directly in the world"
             )
-        pieces, solid = tuple(parts.pieces), self.solid(element, parts)
+        own = self.document, element, parts.inertial, tuple(parts.geoms)
+        solid, own_axes = BodyMass(*own, self.meshes, self.notes).bounded()
+        pieces = tuple(parts.pieces)
         self.tree.nodes[name] = ModelBody(
             *(name, raw, parent, place, element, pieces, solid, self.shapes(parts)),
             geoms=tuple(parts.geoms),
-            own_axes=self.own_axes(element, parts),
+            own_axes=own_axes,
         )
 
     def contents(
@@ -404,79 +401,6 @@ class TreeReader:
             lower=None if kind == "ball" or lower <= -UNLIMITED else lower,
             upper=None if upper >= UNLIMITED else upper,
         )
-
-    # ----------------------------------------------------------------------------------------- mass
-
-    def solid(self, element: Element, parts: _Parts) -> Solid:
-        """Return the mass of a body, from <inertial> or from its geoms."""
-        compiler = self.document.compiler_of(element)
-        inertial = self.counting(element, parts)
-        if inertial is not None:
-            solid = self.inertial(inertial)
-        elif compiler.from_geoms == "false":
-            solid = Solid(0.0, np.zeros(3), np.zeros((3, 3)))
-        else:
-            solid = self.of_geoms(element, parts)
-        moments, axes = np.linalg.eigh(solid.inertia)
-        least = np.maximum(moments, compiler.least_inertia)
-        a, b, c = sorted(least)
-        if a + b < c * (1 - 1e-9) and compiler.balance:
-            least = np.full(3, least.mean())
-            self.notes.on(
-                element,
-                "has moments of inertia that no rigid body has; balanceinertia took their mean",
-            )
-        if (least != moments).any():
-            solid = Solid(solid.mass, solid.centre, axes @ np.diag(least) @ axes.T)
-        return Solid(max(solid.mass, compiler.least_mass), solid.centre, solid.inertia)
-
-    def counting(self, element: Element, parts: _Parts) -> Element | None:
-        """Return the <inertial> of a body that counts: where geoms shall give the inertia, it does
-        if none has any mass."""
-        from_geoms = self.document.compiler_of(element).from_geoms == "true"
-        heavy = from_geoms and any(is_heavy(self.document, geom) for geom, _ in parts.geoms)
-        return None if heavy else parts.inertial
-
-    def of_geoms(self, element: Element, parts: _Parts) -> Solid:
-        """Return the mass of a body from its geoms; where none has any, MuJoCo puts what boundmass
-        gives as far from the body's origin as that stands from its parent's, and so does this."""
-        solids = [
-            solid
-            for geom, X in parts.geoms
-            for solid in weighed(self.document, geom, X, self.meshes, self.notes)
-            if solid.mass > LEAST
-        ]
-        if solids:
-            return solids[0] if len(solids) == 1 else together(solids)
-        if any(is_heavy(self.document, geom) for geom, _ in parts.geoms):
-            self.notes.on(element, ONLY_MESHES, alters=True)
-        away = np.array(element.vector("pos", (0.0, 0.0, 0.0)))
-        return Solid(0.0, away, np.zeros((3, 3)))
-
-    def own_axes(self, element: Element, parts: _Parts) -> np.ndarray | None:
-        """Return the axes that the file gives to a body's inertia: those of <inertial>, or of the
-        one geom that has mass."""
-        document, inertial = self.document, self.counting(element, parts)
-        if inertial is not None:
-            given = "fullinertia" not in inertial.attributes
-            return document.rotation(inertial) if given else None
-        heavy = [(geom, X) for geom, X in parts.geoms if is_heavy(document, geom)]
-        if len(heavy) != 1:
-            return None
-        ((geom, X),) = heavy
-        if "mesh" not in geom.attributes and kind_of(geom) in SIZES:
-            return (X @ measured(document, geom)[1])[:3, :3]
-        axes = self.meshes.axes(geom)
-        return None if axes is None else X[:3, :3] @ axes
-
-    def inertial(self, element: Element) -> Solid:
-        X = self.document.pose(element)
-        if "fullinertia" in element.attributes:
-            xx, yy, zz, xy, xz, yz = element.numbers("fullinertia", (6,))
-            tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        else:
-            tensor = np.diag(element.vector("diaginertia", (0.0, 0.0, 0.0)))
-        return Solid(element.number("mass"), np.zeros(3), tensor).seen(X)
 
     # --------------------------------------------------------------------------------------- shapes
 
