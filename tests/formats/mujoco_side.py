@@ -13,6 +13,8 @@ from pathlib import Path
 import mujoco as mj
 import numpy as np
 
+import linkwork as lw
+
 FREE, BALL = int(mj.mjtJoint.mjJNT_FREE), int(mj.mjtJoint.mjJNT_BALL)
 QUATERNION, TURNING = ("qw", "qx", "qy", "qz"), ("wx", "wy", "wz")
 GAP = 1e-5  # of the differences of Jacobians [s]
@@ -80,6 +82,33 @@ def accelerations(model: mj.MjModel, data: mj.MjData) -> dict[str, float]:
             a[-3:] = rotation(data.qpos[joint.qposadr[0] :][: len(labels)][-4:]) @ a[-3:]
         found |= dict(zip(names, a, strict=True))
     return found
+
+
+def apart(mechanism: lw.Mechanism, source: str | Path, seed: int = 1) -> float:
+    """Return how far a tree's accelerations under the same controls are from MuJoCo's, in parts of
+    these, at two states; all of its actuators are the mechanism's, and no limit acts."""
+    robot, (model, data) = lw.Robot(mechanism), compiled(source)
+    model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_LIMIT | mj.mjtDisableBit.mjDSBL_CONTACT)
+    random, worst = np.random.default_rng(seed), 0.0
+    for _ in range(2):
+        q = {name: random.uniform(-1, 1) for name in robot.coordinates}
+        state = robot.state(q, {name: random.normal() for name in robot.rates})
+        q = {name: float(state[name]) for name in robot.coordinates}
+        command, z = random.uniform(-2, 2, model.nu), random.uniform(-0.5, 0.5, model.na)
+        data.act[:] = z
+        rates = dict(zip(robot.rates, robot.joint_rates(state), strict=True))
+        set_state(model, data, q, rates, command)
+        # Each drive with its own activations, in MuJoCo's order.
+        seen, left, u = robot.observe(state), iter(z), []
+        for name, own in zip(robot.actuators, command, strict=True):
+            drive = robot.drives.get(name, lw.control.Ideal())
+            states = [next(left) for _ in drive.extras]
+            u.append(drive.equations(own, seen[name], seen.rate(name), states)[0])
+        expected = accelerations(model, data)
+        wanted = np.array([expected[name] for name in robot.independent])
+        found = robot.forward_dynamics(state, u)
+        worst = max(worst, np.abs(found - wanted).max() / np.abs(wanted).max())
+    return worst
 
 
 def jacobians(model: mj.MjModel, data: mj.MjData) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 import yaml
 
 import linkwork as lw
-from linkwork.formats import load, save
+from linkwork.formats import load, poses, save
 from linkwork.formats.poses import from_rpy, to_rpy
 from linkwork.formats.urdf.writer import to_urdf
 from linkwork.mechanism import (
@@ -202,6 +203,22 @@ def arm() -> Mechanism:
         reference=reference,
         gravity=EARTH,
     )
+
+
+def test_loops_whose_coordinates_have_no_zero_are_told(tmp_path):
+    """A <constraint> says where its axes are, not how far apart they stand at zero."""
+    names, at, joints = ["ground", *(f"p{k}" for k in range(5))], np.eye(4), {}
+    for k, ends in enumerate(pairwise(names)):
+        X = poses.pose(np.random.default_rng(k).uniform(-0.5, 0.5, 3), from_rpy(k, 1, 2))
+        at = at @ X
+        joints[f"j{k}"] = RevoluteJoint(connects=ends, frames=(poses.frame_of(X), Frame()))
+    frames = Frame(), poses.frame_of(poses.inverse(at))
+    joints["cross"] = UniversalJoint(connects=("ground", "p4"), frames=frames)
+    bodies = {name: Body(mass=1.0, inertia=PART) for name in names[1:]}
+    mechanism = Mechanism(name="ring", bodies=bodies, joints=joints, actuators=("j0",))
+    notes = save(mechanism, tmp_path / "robot.urdf")
+    assert "<constraint" in (tmp_path / "robot.urdf").read_text()
+    assert any("joints.cross" in note and "which has no zero" in note for note in notes)
 
 
 def test_screws_universal_joints_gears_and_what_acts(tmp_path):

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from linkwork.formats import poses
 from linkwork.formats.mjcf.sheet import Sheet
 from linkwork.mechanism import LoadedLength
 from linkwork.mechanism.bearing import bearings, what_rubs
+
+NEAR = 1e-9  # axes that agree [1]
 
 
 def tell_differences(sheet: Sheet) -> None:
@@ -100,10 +105,46 @@ def tell_joints(sheet: Sheet) -> None:
             f"{', '.join(turned)}: MuJoCo measures the turn of a ball joint from home, not "
             "from where the two frames agree"
         )
+    if aside := [
+        name for name in sheet.mechanism.joints if name in balls and _is_aside(sheet, name)
+    ]:
+        say(
+            f"{', '.join(aside)}: MJCF has no axes of a ball joint but its body's; read back its "
+            "rates are about these, as they stand at home"
+        )
+    free = [move.name for move in sheet.moves.values() if move.kind == "free"]
+    if placed := [name for name in free if _is_placed(sheet, name)]:
+        say(
+            f"{', '.join(placed)}: MJCF has no frames of a free joint; read back its coordinates "
+            "are those of its body in the world"
+        )
     for name in sheet.plan.dropped:
         say(f"joints.{name}: holds nothing that the rest of the model does not, and is left out")
     for name in sheet.plan.floating:
         say(f"{name}: is reached by rods only and gets a free joint in MuJoCo")
+
+
+def _is_aside(sheet: Sheet, name: str) -> bool:
+    """Tell whether the axes of a ball joint that nothing drives are not its body's at home."""
+    moves = (name, f"{name}.turn")
+    body = next(
+        seat.body
+        for seat in sheet.plan.seats.values()
+        if any(move.name in moves for move in seat.moves)
+    )
+    driven = any(rate.startswith(f"{name}.w") for rate in sheet.mechanism.actuators)
+    near, _ = sheet.home.frames(sheet.mechanism.pairs[name])
+    apart = np.abs(near[:3, :3] - sheet.home.poses[body][:3, :3]).max()
+    return not driven and bool(apart > NEAR)
+
+
+def _is_placed(sheet: Sheet, name: str) -> bool:
+    """Tell whether a free joint has frames that are not those of ground and of its body."""
+    joint = sheet.mechanism.pairs.get(name)
+    if joint is None:
+        return False
+    frames = [poses.of_frame(frame) for frame in joint.frames]
+    return any(np.abs(X - np.eye(4)).max() > NEAR for X in frames)
 
 
 def tell_left_out(sheet: Sheet) -> None:

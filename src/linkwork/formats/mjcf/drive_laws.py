@@ -197,7 +197,7 @@ class DriveReader:
     def _by_ratio(self, element: Element, gear: float, kp: float, ratio: float) -> float:
         """Return the damping of a servo by its ratio, nothing where that moves nothing."""
         along = mobility(self.inertia[0], self._row(element, gear))
-        return 2 * ratio * float(np.sqrt(kp / along)) if along else 0.0
+        return 2 * ratio * float(np.sqrt(kp / along)) if along and kp > 0 else 0.0
 
     def _range(self, element: Element, key: str, what: str, limited: str = "") -> Numbers:
         """Return the bounds of a control, force or activation, where there are any; limited: what

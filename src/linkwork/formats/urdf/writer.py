@@ -238,6 +238,10 @@ def write_constraint(sheet: UrdfSheet, name: str, joint: PairJoint, ends: list[n
         ET.SubElement(element, tag, link=body)
         add_origin(element, poses.pose(X[:3, 3]), f"{tag}_origin")
         ET.SubElement(element, f"{tag}_axis", xyz=numbers(X[:3, :3] @ axis))
+    sheet.notes.say(
+        f"joints.{name}: is a <constraint>, which has no zero; read again its coordinates count "
+        "from elsewhere, and a reference gives those of other joints alone"
+    )
 
 
 def write_gears(sheet: UrdfSheet) -> None:
