@@ -21,6 +21,8 @@ Kind = TypeVar("Kind")
 LONGEST = 100  # characters of a value in a sentence
 NUMBERS = frozenset({float, int})
 DOUBLE = np.dtype(float)
+MOST = 100_000_000  # of things that are held at a time: more do not fit into memory
+LEAST = float(np.finfo(float).tiny)
 FEW = 50  # numbers that Python sums sooner than NumPy is asked about them
 
 
@@ -65,9 +67,12 @@ def has_truth(values: object) -> bool:
 
 
 def plain(value: object) -> object:
-    """Return what stands for a number in a description; refuse a truth value, as a field does."""
+    """Return what stands for a number in a description; refuse a truth value, as a field does, and
+    a complex number."""
     if has_truth(value):
         raise ValueError(f"{value} is a truth value; give a number")
+    if isinstance(value, complex | np.complexfloating):
+        raise ValueError(f"{value} is a complex number; give a real one")
     return value
 
 
@@ -77,14 +82,24 @@ def reals(values: object) -> np.ndarray | None:
     try:
         given = np.asarray(values)
         numeric = given.dtype.kind in "iufO" and not has_truth(values)
+        if given.dtype.kind == "O" and any(value is None for value in given.flat):
+            return None  # NumPy would take it for a number that is none
         return given.astype(float) if numeric and not np.ma.is_masked(values) else None
     except (TypeError, ValueError, OverflowError, RuntimeError):
         return None
 
 
+def held(value: object) -> bool:
+    """Tell whether something is a finite number that a double holds."""
+    try:
+        return isinstance(value, float | int) and not isinstance(value, bool) and isfinite(value)
+    except OverflowError:
+        return False
+
+
 def finite(values: ArrayLike, what: str) -> np.ndarray:
     """Return values as floats; refuse what is not a finite number."""
-    if isinstance(values, float | int) and not isinstance(values, bool) and isfinite(values):
+    if held(values):
         return np.array(values, float)
     array: np.ndarray | None
     if type(values) is np.ndarray and values.dtype is DOUBLE:
@@ -104,8 +119,8 @@ def finite(values: ArrayLike, what: str) -> np.ndarray:
 
 def number(value: object, what: str) -> float:
     """Return one number; refuse what is none, or not finite."""
-    if isinstance(value, float | int) and not isinstance(value, bool) and isfinite(value):
-        return float(value)
+    if held(value):
+        return float(value)  # pyright: ignore[reportArgumentType]
     array = finite(value, what)  # pyright: ignore[reportArgumentType]
     if array.ndim:
         raise LinkworkError(f"{what} is {shown(value)}; give one number")
@@ -124,14 +139,28 @@ def positive(value: object, what: str, unit: str = "") -> float:
         raise LinkworkError(
             f"{what} is {shown(value)}; give a positive number{unit and f' [{unit}]'}"
         )
+    if result < LEAST:
+        raise LinkworkError(
+            f"{what} is {result:g}, nearer to zero than any number that a computer holds in full, "
+            f"about 2e-308; check its unit{unit and f' [{unit}]'}"
+        )
     return result
 
 
-def count(value: object, what: str) -> int:
-    """Return a whole number, at least 1; refuse what is none."""
+def amount_of(value: object, what: str) -> float:
+    """Return one number, not below zero; refuse what is none."""
+    if (result := number(value, what)) < 0:
+        raise LinkworkError(f"{what} is {shown(value)}; give a number, not below zero")
+    return result
+
+
+def count(value: object, what: str, most: int | None = None) -> int:
+    """Return a whole number, at least 1; refuse what is none, or more than the most."""
     result = number(value, what)
     if result < 1 or result % 1:
         raise LinkworkError(f"{what} is {shown(value)}; give a whole number, at least 1")
+    if most is not None and result > most:
+        raise LinkworkError(f"{what} is {shown(value)}; give at most {most:,}")
     return int(result)
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
@@ -55,16 +56,45 @@ class Path:
                     "paths.uniform"
                 )
 
-    def sample(self, time: np.ndarray, duration: float) -> Triple:
+    def sample(self, time: ArrayLike, duration: float) -> Triple:
         """Return poses, velocities and accelerations (K, d) at the times [s] of a run of a given
         duration [s].
 
         x' = x_s s',  x'' = x_ss s'^2 + x_s s''.
         """
-        s, ds, dds = self.law(np.asarray(time, float) / duration)
-        x, x_s, x_ss = self.curve(s)
+        time = times_of(time)
+        duration = checks.positive(duration, "the duration")
+        checks.number(duration * duration, "the square of the duration")
+        s, ds, dds = three(self.law(time / duration), "law")
+        x, x_s, x_ss = three(self.curve(s), "curve")
         rate, acceleration = (ds / duration)[:, None], (dds / duration**2)[:, None]
         return x, x_s * rate, x_ss * rate**2 + x_s * acceleration
+
+
+def times_of(values: ArrayLike) -> np.ndarray:
+    """Return times [s] (K), one of a single number; refuse others."""
+    found = np.atleast_1d(checks.finite(values, "the times"))
+    if found.ndim > 1:
+        raise LinkworkError(f"the times have the shape {found.shape}; give one, or a list of them")
+    return found
+
+
+def three(found: object, what: str) -> Triple:
+    """Return what a law or a curve gave; refuse what is no value with two derivatives."""
+    if not isinstance(found, Sequence | np.ndarray) or len(found) != 3:
+        raise LinkworkError(
+            f"the {what} of a path gave {checks.shown(found)}; let it return three arrays: the "
+            "value and its first two derivatives"
+        )
+    value, slope, bend = found
+    return value, slope, bend
+
+
+def turning(turns: float, what: str) -> float:
+    """Return the angle [rad] of a number of turns; refuse one whose square no double holds."""
+    angle = 2 * np.pi * checks.number(turns, what)
+    checks.number(angle * angle, f"the square of {what}")
+    return angle
 
 
 def circle(
@@ -91,7 +121,7 @@ def circle(
     radius = checks.positive(radius, "the radius")
     start = checks.number(start, "the angle of the first point")
     fixed = np.concatenate([middle[2:], fixed_orientation(orientation, middle.size)])
-    sweep = 2 * np.pi * checks.number(turns, "the number of turns")
+    sweep = turning(turns, "the number of turns")
 
     def curve(s: np.ndarray) -> Triple:
         phase = start + sweep * s
@@ -239,7 +269,7 @@ def together(*paths: Path) -> Path:
 def swing(start: float, amplitude: float, *, swings: float = 1.0, law: Law = rest_to_rest) -> Path:
     """Vary one coordinate as start + amplitude sin(2 pi swings s)."""
     start, amplitude = checks.number(start, "the start"), checks.number(amplitude, "the amplitude")
-    rate = 2 * np.pi * checks.number(swings, "the number of swings")
+    rate = turning(swings, "the number of swings")
 
     def curve(s: np.ndarray) -> Triple:
         sine, cosine = np.sin(rate * s)[:, None], np.cos(rate * s)[:, None]

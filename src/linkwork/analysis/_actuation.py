@@ -117,6 +117,7 @@ class ActuationModel:
 
     def coordinates(self, state: State, side: Side = "motors") -> np.ndarray:
         """Return the coordinates (..., k) of the motors, or of the joints [m, rad]."""
+        checks.needed(state, State)
         return np.stack([state[name] for name in self._named(side)], axis=-1)
 
     # Rates and torques
@@ -306,7 +307,7 @@ class ActuationModel:
         return self.joints if self._of_joints(side) else self.motors
 
     def _of_joints(self, side: str) -> bool:
-        if side not in ("joints", "motors"):
+        if not checks.among(side, ("joints", "motors")):
             raise LinkworkError(f"side is {checks.shown(side)}; give 'joints' or 'motors'")
         return side == "joints"
 

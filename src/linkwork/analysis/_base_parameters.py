@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from linkwork.checks import amount, count, needed, random_numbers
+from linkwork.checks import MOST, amount, count, needed, random_numbers
 from linkwork.equations import regressor
 from linkwork.equations.reference import unit
 from linkwork.errors import LinkworkError
@@ -151,7 +151,7 @@ def base_parameters(
     """
     needed(robot, Robot)
     made = regressor_of(robot, effects)
-    states, accelerations = random_motions(robot, count(samples, "samples"), seed)
+    states, accelerations = random_motions(robot, count(samples, "samples", MOST), seed)
     units = made.units(pace(robot))
     Y = alike(made(states, accelerations) * own_rates(robot, states)[:, None], units)
     size = np.linalg.norm(Y, axis=0)

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.analysis.newton import random_configurations, solver
 from linkwork.analysis.square import of_joints
-from linkwork.checks import count, needed, random_numbers, reals, shown, switch
+from linkwork.checks import MOST, count, needed, random_numbers, reals, shown, switch
 from linkwork.equations.fluid import in_wind
 from linkwork.errors import LinkworkError
 from linkwork.model import checks, closing
@@ -138,7 +138,7 @@ def equilibria(
     names = tuple(name for name in robot.independent if name in robot.coordinates)
     problem = solver(of_joints(robot, names))
     random = random_numbers(seed)
-    q = random_configurations(problem.square, problem.length, count(starts, "starts"), random)
+    q = random_configurations(problem.square, problem.length, count(starts, "starts", MOST), random)
     asked = robot.kernel("positions")(q)[0][:, [robot.coordinates.index(name) for name in names]]
     q, good = problem.solve(q, asked, 60)
     found: list[Equilibrium] = []

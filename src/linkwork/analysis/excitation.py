@@ -23,7 +23,7 @@ from linkwork.analysis._workspace import positive
 from linkwork.analysis.identification import fourier, tracked
 from linkwork.analysis.newton import Solver, solver
 from linkwork.analysis.square import of_joints
-from linkwork.checks import amount, needed, random_numbers
+from linkwork.checks import MOST, amount, count, finite, needed, random_numbers
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.linear import own_rates
@@ -31,6 +31,7 @@ from linkwork.patience import announced
 from linkwork.robot import Motion, Robot
 
 SAMPLES = 40
+MOST_HARMONICS, MOST_TRIALS = 1000, 1_000_000  # which memory and patience hold
 IMPOSSIBLE = 1e12
 
 
@@ -59,7 +60,7 @@ class Excitation:
 
         time: of the samples (N) [s]
         """
-        t, harmonics = np.asarray(time, float), (len(self.coefficients) - 1) // 2
+        t, harmonics = finite(time, "the time"), (len(self.coefficients) - 1) // 2
         basis = (fourier(t, 2 * np.pi / self.period, harmonics, order) for order in range(3))
         q, v, dv = (part @ self.coefficients for part in basis)
         return q, v, dv
@@ -67,7 +68,8 @@ class Excitation:
     def motion(self, robot: Robot, samples: int = 201) -> Motion:
         """Return the motion of the whole robot over one period, to simulate with or to take forces
         from; samples: number of equally spaced times, both ends among them."""
-        time = np.linspace(0, self.period, samples)
+        needed(robot, Robot)
+        time = np.linspace(0, self.period, count(samples, "samples", MOST))
         q, v, dv = self.sample(time)
         states = robot.make_state(tracked(robot, q, robot.home.q), v)
         _, rates, accelerations, _ = robot.kernel("joints_motion")(states.q, v, dv)
@@ -131,6 +133,11 @@ class Search:
             own_rates(robot, states)[:, None]
             * self.base.regressor(states, dv)[..., self.base.columns]
         )
+        if not np.isfinite(Y).all():
+            raise LinkworkError(
+                "what the trials tell of the parameters is not finite; give another period, ranges "
+                "or bounds"
+            )
         return Y.reshape(-1, len(self.base))
 
     def condition(self, shape: np.ndarray, sizes: np.ndarray) -> float:
@@ -180,11 +187,13 @@ def exciting_trajectory(
         raise LinkworkError(
             "exciting trajectories are made of actuators whose rates are the independent ones"
         )
-    checks.positive(period, "the period")
+    period = checks.positive(period, "the period")
     if not all(type(number) is int and number > 0 for number in (harmonics, trials)):
         raise LinkworkError(
             f"harmonics and trials are {harmonics!r} and {trials!r}; give whole numbers above zero"
         )
+    count(harmonics, "harmonics", MOST_HARMONICS)
+    count(trials, "trials", MOST_TRIALS)
     # The search: Fourier series about the middle of the ranges, each number of them free.
     lower, upper = range_of(robot, ranges)
     largest = [

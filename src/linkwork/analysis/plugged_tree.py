@@ -67,6 +67,7 @@ class PluggedTree:
             LinkworkError: another suffix, a folder that is not there, a joint that MJCF cannot
                 hold.
         """
+        checks.switch(plugin, "plugin")
         target = file_in_folder(path, MODELS, "MJCF")
         text, notes = to_mjcf(self.tree.mechanism, self.tree.home, self.tree.plan)
         root, said = ET.fromstring(text), Notes()

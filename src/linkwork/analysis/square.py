@@ -177,8 +177,6 @@ def of_tool(robot: Robot, what: Sequence[str] | None = None, near: bool = True) 
         LinkworkError: no tool; unknown names; coordinates that do not determine the motion.
     """
     robot.require_tool()
-    if what is not None and not len(what):
-        raise LinkworkError("no coordinate of the tool is named; name one at least")
     return robot.once(
         _of_tool, task.task_of(robot, near) if what is None else task.known(robot, what)
     )

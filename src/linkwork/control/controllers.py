@@ -31,6 +31,7 @@ from linkwork.control.observation import Names, Observation
 from linkwork.control.plant import Plant
 from linkwork.control.records import ActingPart, Number, described, number, of_package
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.record import Positive
 from linkwork.moved import warn
 
 Gain = float | Mapping[str, float]
@@ -230,7 +231,7 @@ class PID(PD):
 
     def integrated(self, actuators: tuple[str, ...]) -> tuple[str, ...]:
         """Return the actuators whose errors are integrated; refuse joints that are none."""
-        joints = actuators if self.joints is None else tuple(self.joints)
+        joints = actuators if self.joints is None else checks.names(self.joints, "joints")
         for name in joints:
             checks.known([name], actuators, "actuator to integrate the error of")
         return joints
@@ -294,7 +295,7 @@ class SlidingMode(Follower):
 
     slope: Gain = number("", "1/s", by=EACH)
     gain: Gain = number("", "m/s^2, rad/s^2", by=EACH)
-    boundary: float = number("thickness of the layer", "m/s, rad/s")
+    boundary: float = number("thickness of the layer", "m/s, rad/s", Positive)
     model: Plant  # pyright: ignore[reportGeneralTypeIssues]
 
     forms: ClassVar = (
@@ -306,10 +307,14 @@ class SlidingMode(Follower):
         ),
     )
 
+    def __post_init__(self) -> None:
+        if not math.symbolic(self.boundary):
+            checks.positive(self.boundary, "the boundary of SlidingMode", "m/s, rad/s")
+
     def __call__(self, t, state):
         e, de, ddx_d = self.errors(t, state)
         slope = gain(state, "slope", self.slope)
-        switch = math.clip((de + slope * e) / state.parameter("boundary", self.boundary), -1, 1)
+        switch = math.clip((de + slope * e) / gain(state, "boundary", self.boundary), -1, 1)
         return self._model.forces(
             state, ddx_d + slope * de + gain(state, "gain", self.gain) * switch
         )

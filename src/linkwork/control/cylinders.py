@@ -26,7 +26,7 @@ from linkwork import math
 from linkwork.control.drives import Drive, Extra
 from linkwork.control.records import number
 from linkwork.errors import LinkworkError
-from linkwork.mechanism.record import Positive
+from linkwork.mechanism.record import Amount, Positive
 
 LAMINAR = 0.999
 """Pressure ratio from which a small pneumatic flow is taken as proportional to the pressure
@@ -44,7 +44,7 @@ class FluidCylinder(Drive):
     area_b: float = number("effective area of the piston", "m^2", Positive)
     stroke: float = number("", "m", Positive)
     supply: float = number("absolute pressure at the valve", "Pa", Positive)
-    exhaust: float = number("absolute pressure at the valve", "Pa")
+    exhaust: float = number("absolute pressure at the valve", "Pa", Amount)
     initial_a: float = number("pressure of chamber A at the start", "Pa", Positive)
     initial_b: float = number("pressure of chamber B at the start", "Pa", Positive)
     dead_volume: float = number("of each chamber and its line", "m^3", Positive)
@@ -112,17 +112,25 @@ class PneumaticCylinder(FluidCylinder):
     Sources: ISO 6358-1; Beater, Pneumatic Drives, ch. 4 and 5.
     """
 
-    conductance: float = number("C of the open valve", "m^3/(s Pa)", default=2e-8)
-    critical_ratio: float = number("b", "1", default=0.3)
-    exponent: float = number("n, from 1 (isothermal) to 1.4 (adiabatic)", "1", default=1.2)
-    temperature: float = number("T of the air, with T_0 = 293.15 K", "K", default=293.15)
-    atmosphere: float = number("pressure on the rod's end", "Pa", default=101325.0)
+    conductance: float = number("C of the open valve", "m^3/(s Pa)", Amount, 2e-8)
+    critical_ratio: float = number("b, at most 1", "1", Amount, 0.3)
+    exponent: float = number("n, from 1 (isothermal) to 1.4 (adiabatic)", "1", Positive, 1.2)
+    temperature: float = number("T of the air, with T_0 = 293.15 K", "K", Positive, 293.15)
+    atmosphere: float = number("pressure on the rod's end", "Pa", Amount, 101325.0)
 
     type: ClassVar[str] = "pneumatic_cylinder"
     reference_temperature: ClassVar[float] = 293.15  # T_0 of ISO 8778 [K]
     gas_constant: ClassVar[float] = 287.058  # of dry air [J/(kg K)]
     # Of the reference atmosphere of ISO 8778, 100 kPa and 20 C at 65 % humidity [kg/m^3].
     density: ClassVar[float] = 1.185
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not math.symbolic(self.critical_ratio) and not self.critical_ratio <= 1:
+            raise LinkworkError(
+                f"critical_ratio of PneumaticCylinder is {self.critical_ratio:g}; give a ratio of "
+                "pressures, at most 1"
+            )
 
     def equations(self, command, x, w, z):
         opening, p_a, p_b = math.clip(command, -1, 1), z[0], z[1]
@@ -148,9 +156,8 @@ class PneumaticCylinder(FluidCylinder):
         """
         upstream, downstream = math.maximum(first, second), math.minimum(first, second)
         ratio, b = downstream / upstream, self.critical_ratio
-        turbulent = math.sqrt(
-            math.maximum(1 - (math.maximum(math.minimum(ratio, LAMINAR) - b, 0) / (1 - b)) ** 2, 0)
-        )
+        past = math.maximum(math.minimum(ratio, LAMINAR) - b, 0)
+        turbulent = math.sqrt(math.maximum(1 - (past / math.maximum(1 - b, 1 - LAMINAR)) ** 2, 0))
         psi = turbulent * math.minimum((1 - ratio) / (1 - LAMINAR), 1)
         warmth = math.sqrt(self.reference_temperature / self.temperature)
         return math.sign(first - second) * self.conductance * self.density * warmth * upstream * psi
@@ -172,10 +179,10 @@ class HydraulicCylinder(FluidCylinder):
     Servo-systems, ch. 4.
     """
 
-    flow: float = number("Q of an edge of the open valve at `drop`", "m^3/s", default=1e-3)
+    flow: float = number("Q of an edge of the open valve at `drop`", "m^3/s", Amount, 1e-3)
     drop: float = number("pressure drop at which `flow` is given", "Pa", Positive, 3.5e6)
     bulk_modulus: float = number("beta of the oil", "Pa", Positive, 1.4e9)
-    leakage: float = number("c, between the chambers", "m^3/(s Pa)", default=0.0)
+    leakage: float = number("c, between the chambers", "m^3/(s Pa)", Amount, 0.0)
     air: float = number("share of the oil's volume at p_0", "1", Positive, 1e-5)
 
     type: ClassVar[str] = "hydraulic_cylinder"

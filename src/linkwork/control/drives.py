@@ -15,7 +15,9 @@ from typing import Any, ClassVar, NamedTuple
 
 from linkwork import checks, math
 from linkwork.control.records import ActingPart, described, number
-from linkwork.mechanism.record import Positive
+from linkwork.mechanism.record import Amount, Positive
+
+BOUNDED: dict[Any, Any] = {Positive: checks.positive, Amount: checks.amount_of}  # Real: any number
 
 
 class Extra(NamedTuple):
@@ -39,15 +41,17 @@ class Drive(ActingPart, ABC):
     positive: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
-        bounded = {name for name, told in described(type(self)).items() if told.kind is Positive}
-        switches = {f.name for f in fields(self) if f.type in (bool, "bool")}
+        told = {name: of.kind for name, of in described(type(self)).items()}
+        told |= dict.fromkeys(self.positive, Positive)
+        held = {f.name: f for f in fields(self)}
         for name, value in vars(self).items():
-            if name in switches:
-                checks.switch(value, f"{name} of {type(self).__name__}")
-            elif value is not None and not math.symbolic(value):
-                positive = name in bounded or name in self.positive
-                check = checks.positive if positive else checks.number
-                check(value, f"{name} of {type(self).__name__}")
+            if math.symbolic(value):
+                continue
+            what, own = f"{name} of {type(self).__name__}", held.get(name)
+            if own is not None and own.type in (bool, "bool"):
+                checks.switch(value, what)
+            elif value is not None or not (own and "None" in str(own.type)):
+                BOUNDED.get(told.get(name), checks.number)(value, what)
 
     @property
     def extras(self) -> tuple[Extra, ...]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from linkwork import math
+from linkwork import checks, math
 from linkwork.control.observation import Quantity
 from linkwork.control.records import ActingPart
 from linkwork.control.tracing import Law
@@ -40,7 +40,11 @@ class Event(ActingPart):
             raise LinkworkError(
                 f"{self.what} watches a function of (t, state), not {self.function!r}"
             )
-        if self.direction not in (-1, 0, 1):
+        if not isinstance(self.name, str):
+            raise LinkworkError(f"the name of an event is {checks.shown(self.name)}; give text")
+        for name in ("terminal", "cuts"):
+            checks.switch(getattr(self, name), f"{name} of {self.what}")
+        if not checks.among(self.direction, (-1, 0, 1)):
             raise LinkworkError(
                 f"the direction of {self.what} is {self.direction!r}; give -1, 0 or 1"
             )
@@ -64,6 +68,8 @@ def limit_events(robot, terminal: bool = True) -> tuple[Event, ...]:
     Raises:
         LinkworkError: a robot whose joints have no limits.
     """
+    if not hasattr(robot, "mechanism"):
+        raise LinkworkError(f"the robot is {checks.shown(robot)}; give a linkwork.Robot")
     events = []
     for label, limits, name in limited(robot.mechanism):
         free = name != label

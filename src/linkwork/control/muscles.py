@@ -60,6 +60,7 @@ class Muscle(Drive):
             "0 <= least_excitation <= largest_excitation <= 1": (
                 0 <= self.least_excitation <= self.largest_excitation <= 1
             ),
+            "0 <= initial_activation <= 1": 0 <= self.initial_activation <= 1,
         }
         for rule, holds in fits.items():
             if not holds:

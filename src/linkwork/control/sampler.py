@@ -51,6 +51,7 @@ class Sampler(ActingPart):
     def __post_init__(self) -> None:
         if not callable(self.function):
             raise LinkworkError(f"a sampler calls a function of (t, state), not {self.function!r}")
+        checks.switch(self.compiled, "compiled")
         checks.positive(self.rate, "the rate of a sampler", "Hz")
         periods = checks.number(self.delay, "the delay of a sampler") * self.rate
         if not (0 <= periods < 1000 and abs(periods - round(periods)) < 1e-6):

@@ -39,7 +39,7 @@ class Wrench(ActingPart):
     frame: Literal["ground", "body"] = "ground"
 
     def __post_init__(self) -> None:
-        if self.frame not in ("ground", "body"):
+        if not checks.among(self.frame, ("ground", "body")):
             raise LinkworkError(
                 f"the frame of the wrench on {self.body!r} is {self.frame!r}; give 'ground' or "
                 "'body'"

@@ -116,6 +116,10 @@ class MujocoModel:
         return self._read(data, 2)
 
     def _read(self, data: Any, order: int) -> dict[str, float]:
+        if not hasattr(data, "qacc"):
+            raise LinkworkError(
+                f"the data are {checks.shown(data)}; give the mujoco.MjData of this model"
+            )
         found: dict[str, float] = {}
         of_links = {ball for link in self.links for ball in link.balls}
         for joint in self.joints:

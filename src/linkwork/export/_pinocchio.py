@@ -159,14 +159,22 @@ class PinocchioModel:
             )
         return self.rates(q, np.array(a))
 
+    @staticmethod
+    def _held(values: Any, what: str, size: int) -> np.ndarray:
+        found = checks.finite(values, what)
+        if found.shape != (size,):
+            raise LinkworkError(f"{what} has the shape {found.shape}; give {size} numbers")
+        return found
+
     def positions(self, q: np.ndarray) -> dict[str, float]:
         """Return the coordinates of the tree's joints by name [m, rad; 1 of quaternions].
 
         q: Pinocchio's configuration (nq).
         """
         found: dict[str, float] = {}
+        q = self._held(q, "q", self.model.nq)
         for joint in self.joints:
-            own = np.asarray(q, float)[joint.q]
+            own = q[joint.q]
             if joint.ball:
                 R = Rotation.from_quat(own)
                 own = (R.inv() if joint.backwards else R).as_quat(scalar_first=True)
@@ -180,10 +188,11 @@ class PinocchioModel:
         q: Pinocchio's configuration (nq); v: its velocity, or v' (nv).
         """
         found: dict[str, float] = {}
+        q, v = self._held(q, "q", self.model.nq), self._held(v, "v", self.model.nv)
         for joint in self.joints:
-            own = np.asarray(v, float)[joint.v]
+            own = v[joint.v]
             if joint.ball:
-                R = Rotation.from_quat(np.asarray(q, float)[joint.q])
+                R = Rotation.from_quat(q[joint.q])
                 own = -own if joint.backwards else R.apply(own)
             found |= zip(joint.freedom.rates, map(float, own), strict=True)
         return found

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Literal
 
-from linkwork.checks import file_path, needed, shown
+from linkwork.checks import among, file_path, needed, shown
 from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.formats import xml
 from linkwork.formats.floating import floated
@@ -178,7 +178,7 @@ def save(
     needed(mechanism, Mechanism)
     path = file_path(path, "the path of a model file")
     suffix = path.suffix.lower()
-    if loops not in ("inside", "beside"):
+    if not among(loops, ("inside", "beside")):
         raise LinkworkError(f'loops is {shown(loops)}; give "inside" or "beside"')
     if loops == "beside" and suffix != ".urdf":
         raise LinkworkError(

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import amount, needed
+from linkwork.checks import among, amount, needed
 from linkwork.errors import LinkworkError
 from linkwork.gradients.compilation import (
     Form,
@@ -208,8 +208,10 @@ def inverse_dynamics_derivatives(
     threads: int | None = 1,
 ) -> InverseDynamicsDerivatives:
     """Return forces and their derivatives: `Robot.inverse_dynamics_derivatives`."""
-    if of not in ("actuators", "rates"):
+    if not among(of, ("actuators", "rates")):
         raise LinkworkError(f"of is {of!r}; give 'actuators' or 'rates'")
+    if weights is not None:
+        evaluation.of_actuators(robot, weights)
     if robot.rubs:
         raise LinkworkError(
             "inverse dynamics is not differentiated where bearings rub by what they carry, which "

@@ -18,6 +18,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field
 
 from linkwork.mechanism.record import Amount, Positive, Real, Record
+from linkwork.mechanism.refusal import PLAIN
 
 SMALL = 0.1  # |u| up to which (u - ln(1 + u)) / u^2 is summed
 TERMS = 18
@@ -45,13 +46,13 @@ class Impact(Record):
     stiffness: Annotated[Positive, BeforeValidator(compliant)] = Field(
         description="force per depth^exponent [N/m^exponent, N m/rad^exponent]"
     )
-    exponent: Annotated[float, Field(ge=1, le=10, allow_inf_nan=False)] = Field(
+    exponent: Annotated[float, Field(ge=1, le=10, allow_inf_nan=False), PLAIN] = Field(
         default=1.5, description="power of the depth; 1.5 of round bodies (Hertz), 1 of a spring"
     )
     dissipation: Amount = Field(
         default=0.0, description="part by which the force grows per rate of the depth [s/m, s/rad]"
     )
-    restitution: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = Field(
+    restitution: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False), PLAIN] = Field(
         default=1.0, description="rate after an impact over that before, at impact_rate"
     )
     impact_rate: Positive = Field(

@@ -288,7 +288,7 @@ class Mechanism(Record, Portrayed):
         if not self.tools:
             raise MechanismError("there is no tool to carry a payload; add one", ("tools",))
         name = next(iter(self.tools)) if tool is None else tool
-        if name not in self.tools:
+        if not checks.among(name, self.tools):
             raise MechanismError(
                 f"there is no tool {name!r}; the tools are {', '.join(self.tools)}", ("tools",)
             )
@@ -301,7 +301,7 @@ class Mechanism(Record, Portrayed):
         payload = Body(
             mass=mass,
             centre_of_mass=centre_of_mass,
-            inertia=inertia or Inertia(xx=0.0, yy=0.0, zz=0.0),
+            inertia=Inertia(xx=0.0, yy=0.0, zz=0.0) if inertia is None else inertia,
         )
         body = together(self.bodies[held.body], payload, held.frame)
         mine = tuple(
@@ -329,7 +329,7 @@ class Mechanism(Record, Portrayed):
         from linkwork.mechanism.files import parsed, written
         from linkwork.mechanism.quantities import with_quantities
 
-        made = with_quantities(self, let, formulas or {})
+        made = with_quantities(self, let, formulas)
         try:
             return parsed(written(made))
         except MechanismError as error:
@@ -339,6 +339,7 @@ class Mechanism(Record, Portrayed):
         """Return the mechanism with other joint coordinates [m, rad] in its reference, by name; the
         others stay."""
         fields: dict[str, Any] = {name: getattr(self, name) for name in type(self).model_fields}
+        values = checks.by_name(values, "the coordinates", "{'crank': 0.5}")
         fields["reference"] = {**self.reference, **values}
         given = {f"reference.{name}" for name in values}
         kept = {path: text for path, text in self.formulas.items() if path not in given}

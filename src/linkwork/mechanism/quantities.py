@@ -16,6 +16,7 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from pydantic import AfterValidator, WithJsonSchema
 
+from linkwork import checks
 from linkwork.mechanism import formulas as formula
 from linkwork.mechanism.places import Where, located, placed
 from linkwork.mechanism.record import Record
@@ -287,11 +288,13 @@ def reworked(mechanism: Any, changed: set[str]) -> Any:
 
 
 def with_quantities(
-    mechanism: Described, let: Mapping[str, float | str], formulas: Mapping[str, str]
+    mechanism: Described, let: Mapping[str, float | str], formulas: Mapping[str, str] | None
 ) -> Described:
     """Return the description with named quantities and formulas; see
     `Mechanism.with_quantities`."""
     whole: Any = mechanism
+    let = checks.by_name(let, "the named quantities", "{'rod': 0.3}")
+    formulas = checks.by_name(formulas, "the formulas", "{'bar.length': 'rod/2'}")
     own = own_formulas(whole) | {name: text for name, text in let.items() if isinstance(text, str)}
     own = {name: text for name, text in own.items() if name not in let or text == let[name]}
     values = quantities({**whole.let, **let}, own)

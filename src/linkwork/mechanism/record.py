@@ -22,7 +22,7 @@ from pydantic.fields import FieldInfo
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from linkwork.mechanism.refusal import PLAIN, VANISHES, MechanismError, first_refusal, shown
+from linkwork.mechanism.refusal import PLAIN, VANISHES, MechanismError, first_refusal, shown, vet
 
 __all__ = [
     "HUGE",
@@ -143,6 +143,7 @@ class Record(BaseModel):
                 yield name, value
 
     def __init__(self, /, **fields: Any) -> None:
+        vet(fields)
         try:
             super().__init__(**fields)
         except ValidationError as error:

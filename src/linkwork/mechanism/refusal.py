@@ -5,7 +5,7 @@ The checks themselves are pydantic's; its list of errors becomes one sentence he
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from typing import Any, get_args
 
 from pydantic import BaseModel, BeforeValidator, ValidationError
@@ -69,16 +69,14 @@ def first_refusal(
         lacking = sum(
             one["type"] == "missing" and one["loc"][:-1] == location[:-1] for one in errors
         )
-        context = {"max_length": len(value) + lacking}
+        context = {"max_length": location[-1] + lacking}
     elif kind == "missing":
         return MechanismError(f"is missing; {expected}", (*where, str(location[-1])))
     # Faults that people make in files; then whatever else pydantic says.
     if value is None:
         return MechanismError(f"is empty; {expected}", where)
     if kind == "string_type" and isinstance(value, int | float):
-        return MechanismError(
-            f"{value} is not text; put it in quotes to use it as a name: '{value}'", where
-        )
+        return no_name(value, where)
     return MechanismError(f"{complaint(kind, value, context, first['msg'])}; {expected}", where)
 
 
@@ -86,9 +84,9 @@ def complaint(kind: str, value: Any, context: Mapping[str, Any], message: str) -
     """Say what is wrong with a value, by pydantic's kind of error."""
     match kind:
         case "missing" | "too_long":
-            return f"give {context['max_length']} {noun(value)}, not {len(value)}"
+            return f"give {context['max_length']} {noun(value)}{but(value)}"
         case "too_short":
-            return f"give {context['min_length']} {noun(value)} or more, not {len(value)}"
+            return f"give {context['min_length']} {noun(value)} or more{but(value)}"
         case "float_type" | "float_parsing":
             return f"{shown(value)} is not a number"
         case "finite_number":
@@ -124,12 +122,42 @@ def path_in(data: Any, location: Sequence[str | int]) -> tuple[str, ...]:
     return tuple(where)
 
 
-def noun(items: Sequence[Any]) -> str:
+def but(items: object) -> str:
+    """Say how many items there are, where that is known: iterators are used up by now."""
+    return f", not {len(items)}" if isinstance(items, Sized) else ""
+
+
+def noun(items: Iterable[Any]) -> str:
     """Name what the items of a list are."""
     for kinds, name in (((int, float), "numbers"), (str, "names")):
-        if items and all(isinstance(item, kinds) for item in items):
+        if (found := list(items)) and all(isinstance(item, kinds) for item in found):
             return name
     return "entries"
+
+
+def no_name(value: object, where: tuple[str, ...]) -> MechanismError:
+    """Refuse what stands where a name is to stand."""
+    short = isinstance(value, int | float) and len(str(value)) <= LONG
+    fix = f"put it in quotes to use it as a name: '{value}'" if short else "give a name"
+    return MechanismError(f"{shown(value)} is not text; {fix}", where)
+
+
+def vet(fields: Any, where: tuple[str, ...] = ()) -> None:
+    """Refuse sets, which have no order, and mappings whose keys are no text, wherever they are
+    among fields."""
+    if isinstance(fields, set | frozenset):
+        raise MechanismError(
+            f"{shown(fields)} is a set, which has no order; give one value, or a list", where
+        )
+    if isinstance(fields, dict):
+        for key, value in fields.items():
+            if not isinstance(key, str):
+                raise no_name(key, (*where, shown(key)))
+            vet(value, (*where, key))
+    elif isinstance(fields, list | tuple):
+        for index, value in enumerate(fields):
+            if not isinstance(value, float | int | str):
+                vet(value, (*where, str(index)))
 
 
 def wrong_type(fields: Any, annotation: Any, where: tuple[str, ...]) -> MechanismError:

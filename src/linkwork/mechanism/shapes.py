@@ -17,12 +17,12 @@ from pydantic import AfterValidator, Field, model_validator
 
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.record import MechanismError, Positive, Real, Record
-from linkwork.mechanism.refusal import shown
+from linkwork.mechanism.refusal import PLAIN, shown
 
 __all__ = ["Box", "Capsule", "Cylinder", "Ellipsoid", "MeshFile", "Polygon", "Shape", "Sphere"]
 ROUND = 1e-9  # how far the angles at the corners of a polygon may be from one full turn [rad]
 
-Share = Annotated[float, Field(ge=0, le=1)]
+Share = Annotated[float, Field(ge=0, le=1), PLAIN]
 Colour = tuple[Share, Share, Share]
 
 STEPS = 6  # of a quarter circle

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import amount_is, shown
+from linkwork.checks import among, amount_is, shown
 from linkwork.errors import LinkworkError
 from linkwork.model import checks, task
 from linkwork.model.asked import JointsAsked
@@ -37,7 +37,7 @@ def assemble(
 ) -> State:
     """Close the loops at given joint coordinates or at a tool pose: `Robot.assemble`."""
     start, asked = start_of(robot, guess).q, None
-    if branch not in BRANCHES:
+    if not among(branch, BRANCHES):
         raise LinkworkError(f"branch is {branch!r}; give {' or '.join(map(repr, BRANCHES))}")
     if tool is None and isinstance(joints, Mapping):
         names, values = asked_of(robot, joints)

@@ -80,14 +80,20 @@ class LinearModel:
 
         Args:
             frequencies: omega / 2 pi (...) [Hz].
+
+        Raises:
+            LinkworkError: the frequency of a mode without damping, at which it is infinite.
         """
         omega = 2 * np.pi * checks.finite(frequencies, "the frequencies")
         resolvent = 1j * omega[..., None, None] * np.eye(len(self.A)) - self.A
-        return (
-            self.C
-            @ np.linalg.solve(resolvent, np.broadcast_to(self.B, (*omega.shape, *self.B.shape)))
-            + self.D
-        )
+        given = np.broadcast_to(self.B, (*omega.shape, *self.B.shape))
+        try:
+            return self.C @ np.linalg.solve(resolvent, given) + self.D
+        except np.linalg.LinAlgError:
+            raise LinkworkError(
+                "the response is infinite at one of the frequencies, that of a mode without "
+                "damping; give others"
+            ) from None
 
     def to_control(self) -> Any:
         """Return a `control.StateSpace` (python-control, the extra `control`)."""

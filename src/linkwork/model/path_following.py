@@ -52,7 +52,7 @@ def follow(
 ) -> Motion:
     """Lead the tool along a path: `Robot.follow`."""
     # What is asked for is a motion along a path of whole poses.
-    checks.positive(duration, "the duration")
+    duration = checks.positive(duration, "the duration")
     if not isinstance(samples, int) or samples < 2:
         raise LinkworkError(
             f"a motion needs a whole number of samples, at least 2, not {shown(samples)}"

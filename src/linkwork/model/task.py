@@ -120,6 +120,8 @@ def known(robot: Model, names: Sequence[str]) -> Task:
     allowed = POSES[True] if robot.planar else tuple(name for name in NAMES if name != "angle")
     records = tuple(name for name, item in own.items() if not isinstance(item, str))
     checks.known(names, (*allowed, *records), "coordinate of the tool")
+    if not names:
+        raise LinkworkError("no coordinate of the tool is named; name one at least")
     return tuple(own.get(name, name) for name in names)
 
 

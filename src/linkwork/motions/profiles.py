@@ -16,6 +16,7 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork import checks
 from linkwork.paths import Law, Triple
 
 
@@ -84,6 +85,7 @@ class Profile:
 
     def slowed(self, factor: float) -> Profile:
         """Return the same motion in a duration larger by a factor."""
+        factor = checks.positive(factor, "the factor")
         powers = factor ** np.arange(self.degree + 1.0)
         return Profile(self.knots * factor, self.coefficients / powers[:, None])
 

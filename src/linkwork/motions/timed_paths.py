@@ -23,7 +23,7 @@ from linkwork.model.state import State
 from linkwork.motions.laws import KINDS, AxisLimits, MotionLaw, law_of
 from linkwork.motions.profiles import Profile, side_by_side, superposed
 from linkwork.motions.spline_times import least_times, slowing, spline_through
-from linkwork.paths import Path, Triple, uniform
+from linkwork.paths import Path, Triple, times_of, uniform
 from linkwork.simulation import Sampled, Signal, as_signal
 
 Point = State | Mapping[str, float] | Sequence[float] | np.ndarray
@@ -79,7 +79,7 @@ class TimedPath:
 
     def sample(self, time: ArrayLike) -> Triple:
         """Return the coordinates, their rates and their accelerations (K, d) at times [s]."""
-        times = checks.finite(time, "the times")
+        times = times_of(time)
         if self.profile is not None:
             return self.profile(times), self.profile(times, 1), self.profile(times, 2)
         return self.path.sample(times, self.duration)
@@ -109,7 +109,7 @@ class TimedPath:
         Raises:
             LinkworkError: names that the path does not have.
         """
-        wanted = [*names] or [*self.names]
+        wanted = [*checks.names(names, "names")] or [*self.names]
         checks.known(wanted, self.names, "coordinate of the path")
         columns = [self.names.index(name) for name in wanted] or slice(None)
         if self.profile is not None and self.profile.degree <= 3:

@@ -304,7 +304,7 @@ def forces_of_each(robot: Model, forces: Any) -> tuple[np.ndarray | list[Signal]
         return [plain(robot, given).inputs for given in forces], None
     try:
         table = np.asarray(forces, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return None, forces
     if table.ndim < 2:
         return None, forces

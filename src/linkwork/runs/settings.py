@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from linkwork.checks import count, finite, positive, shown
+from linkwork.checks import MOST, count, finite, positive, shown
 from linkwork.errors import LinkworkError
 from linkwork.simulation import DORMAND_PRINCE, SHARP_SMART, Method, integrator
 
@@ -85,7 +85,7 @@ class Settings:
         if self.samples is not None:
             if self.save_at is not None:
                 raise LinkworkError("save_at and samples are both given; keep one of them")
-            if count(self.samples, "samples") < 2:
+            if count(self.samples, "samples", MOST) < 2:
                 raise LinkworkError("samples is 1; give at least 2, the first and the last")
             own["samples"] = int(self.samples)
         if self.threads is not None:

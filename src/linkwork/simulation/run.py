@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import amount, count, file_path, finite, listed, shown, suggestion
+from linkwork.checks import MOST, amount, count, file_path, finite, listed, shown, suggestion
 from linkwork.errors import LinkworkError
 from linkwork.notebooks import Portrayed
 from linkwork.simulation.run_files import (
@@ -159,7 +159,7 @@ class Run(Portrayed):
             )
         if np.ndim(samples):
             return self.again(np.atleast_1d(finite(samples, "the times")))
-        if (number := count(samples, "samples")) < 2:
+        if (number := count(samples, "samples", MOST)) < 2:
             raise LinkworkError("samples is 1; give at least 2, the first and the last")
         return self.again(number)
 

@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import amount, reals
+from linkwork.checks import among, amount, reals
 from linkwork.errors import LinkworkError
 from linkwork.readonly import ReadOnlyArrays
 
@@ -55,7 +55,7 @@ class Sampled(ReadOnlyArrays):
                 f"{len(times)} sample times"
             )
         require_increasing("sample times", times)
-        if self.kind not in get_args(Kind):
+        if not among(self.kind, get_args(Kind)):
             raise LinkworkError(
                 f"the kind of sampled signal {self.kind!r} is none of {', '.join(get_args(Kind))}"
             )

@@ -61,6 +61,8 @@ KEPT = (
     "stepper.run, ...) go on."
 )
 
+COUNTED = 2.0**53  # steps that doubles tell apart
+
 
 class Stepper:
     """Step a robot on, dt at a time, under forces that are known only then.
@@ -288,7 +290,7 @@ class Stepper:
                 require_starts(self._system, begun)
                 tell_leaps(self._robot, begun.q, self._robot.p)
         if time is not None:
-            time = checks.number(time, "time")
+            time = require_counted(checks.number(time, "time"), self.dt)
         elif self._left is not None:
             time = self._left.time
         self._set_out(begun, left, time or 0.0)
@@ -479,6 +481,16 @@ def require_one(robot: Model, state: State) -> None:
             f"the states are a stack of the shape {state.batch}; a stepper takes one: "
             "state.at(index)"
         )
+
+
+def require_counted(time: float, dt: float) -> float:
+    """Return a time [s]; refuse one so late that numbers of steps are not held in full."""
+    if abs(time) > COUNTED * dt:
+        raise LinkworkError(
+            f"time {time:g} s is more than 2^53 steps of {dt:g} s, which numbers of steps do not "
+            "tell apart; give an earlier one"
+        )
+    return time
 
 
 def require_room(out: np.ndarray, shape: tuple[int, ...]) -> None:

@@ -54,6 +54,7 @@ from linkwork.stepping.stepper import (
     Stepper,
     is_free,
     portions_taken,
+    require_counted,
     require_room,
 )
 from linkwork.threads import usable_processors
@@ -304,6 +305,7 @@ class Steppers(HeldMembers):
                 f"time {shown(time)} does not fit; give one from 0 s on, or one for each of "
                 f"{who.size} robots"
             )
+        require_counted(float(times.max(initial=0.0)), self.dt)
         batch = self._some(who, state)
         for stands in begun(batch, self._settings):
             q, v, z = np.split(stands.y, [self.q.shape[1], self.q.shape[1] + self.v.shape[1]], 1)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from linkwork.checks import count, needed, shown, switch
+from linkwork.checks import MOST, count, needed, shown, switch
 from linkwork.errors import LinkworkError
 from linkwork.robot import Motion, Robot, State
 from linkwork.scene.colours import BLUE
@@ -44,7 +44,7 @@ def plot_motion(
     Raises:
         LinkworkError: a run of another robot, or one that holds no sample; no pose to draw.
     """
-    count(poses, "poses")
+    count(poses, "poses", MOST)
     switch(path, "path")
     states = states_of(robot, motion)
     axes: Any = plot_mechanism(robot, states.at(spaced(robot, states, poses)), ax)
