@@ -147,6 +147,13 @@ def positive(value: object, what: str, unit: str = "") -> float:
     return result
 
 
+def fraction(value: object, what: str) -> float:
+    """Return one positive number below 1; refuse what is none."""
+    if (result := positive(value, what)) >= 1:
+        raise LinkworkError(f"{what} is {shown(value)}; give a positive number below 1")
+    return result
+
+
 def amount_of(value: object, what: str) -> float:
     """Return one number, not below zero; refuse what is none."""
     if (result := number(value, what)) < 0:

@@ -39,6 +39,22 @@ def test_a_wrong_word_is_refused_in_one_sentence(words):
     assert not set(said) & set("╭│╰")
 
 
+def test_words_that_stand_the_other_way_round_are_turned():
+    said = refused("analyse", "modes", "prr3")
+    assert said.endswith("(did you mean 'linkwork analyse prr3 modes'?)\n")
+
+
+def test_a_folder_is_no_robot_and_a_missing_file_is_named_once(tmp_path):
+    assert f"'{tmp_path}' is a folder; give the file of a mechanism in it" in refused(
+        "info", tmp_path
+    )
+    told = refused("info", "prr3", "--reference", tmp_path / "none.yaml")
+    assert told.count("none.yaml") == 1
+    assert "--forces holds 1 number; give 3" in refused(
+        "simulate", "prr3", "--duration", 1, "--forces", 1
+    )
+
+
 @pytest.mark.parametrize("words", [(), ("analyse",)])
 def test_no_words_show_the_help(words):
     result = call(*words)

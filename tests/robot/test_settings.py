@@ -66,6 +66,7 @@ def test_what_doors_ask_beside_what_acts_are_the_settings():
         ({"duration": 0.0}, "the duration is 0.0; give a positive number"),
         ({"rtol": -1e-6}, "rtol is -1e-06; give a positive number"),
         ({"rtol": 1e-15}, "rtol is 1e-15, less than what doubles can hold; give at least 2.3e-14"),
+        ({"rtol": 2}, "rtol is 2; give a positive number below 1"),
         ({"atol": np.nan}, "atol is nan; give finite numbers"),
         ({"max_step": 0}, "max_step is 0; give a positive number"),
         ({"max_steps": 0.5}, "max_steps is 0.5; give a whole number, at least 1"),

@@ -34,8 +34,8 @@ def by_name(
     if not any("=" in part for part in parts):
         if len(parts) != len(names):
             raise LinkworkError(
-                f"{option} holds {len(parts)} numbers; give {len(names)}, one each for "
-                f"{', '.join(names)}, or name=value"
+                f"{option} holds {len(parts)} number{'s' * (len(parts) > 1)}; give {len(names)}, "
+                f"one each for {', '.join(names)}, or name=value"
             )
         return {
             name: number(part, option) if angles is None else amount(part, name in angles, option)

@@ -49,8 +49,12 @@ def no_command(word: str, context: typer.Context) -> str:
     if near := suggestion(word, commands):
         return f"there is no command {word!r}{near}"
     pattern = " ".join([called(context), *arguments, "COMMAND"])
+    turned = [given for given in context.params.values() if given in commands]
+    meant = "".join(f" (did you mean '{called(context)} {word} {given}'?)" for given in turned)
     known = ", ".join(commands)
-    return f"there is no command {word!r}; write '{pattern}' with one of the commands {known}"
+    return (
+        f"there is no command {word!r}; write '{pattern}' with one of the commands {known}{meant}"
+    )
 
 
 def called(context: typer.Context) -> str:

@@ -34,6 +34,8 @@ def named(given: str | PathLike[str], reading: Reading = PLAIN) -> Imported:
         return read(path, reading)
     if path.is_file():
         return described(Mechanism.load(path), path.name, reading)
+    if path.is_dir() and name:
+        raise LinkworkError(f"{name!r} is a folder; give the file of a mechanism in it")
     suffixes = (NATIVE[0], *(form.suffixes[0] for form in FORMATS))
     raise LinkworkError(
         f"there is no robot {name!r}{suggestion(path.stem.replace('-', '_'), robots.__all__)}; "

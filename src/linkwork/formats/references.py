@@ -91,8 +91,9 @@ def read_reference(path: Path) -> Any:
             f"{path}: a file of joint coordinates ends in {', '.join(SUFFIXES)}, not "
             f"{path.suffix!r}"
         )
+    held = xml.contents(path)
     try:
-        data = read_document(xml.contents(path).decode("utf-8")).data
+        data = read_document(held.decode("utf-8")).data
     except UnicodeDecodeError:
         raise MechanismError(f"{path}: is not UTF-8 text") from None
     except MechanismError as error:

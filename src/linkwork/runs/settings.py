@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from linkwork.checks import MOST, count, finite, positive, shown
+from linkwork.checks import MOST, count, finite, fraction, positive, shown
 from linkwork.errors import LinkworkError
 from linkwork.simulation import DORMAND_PRINCE, SHARP_SMART, Method, integrator
 
@@ -63,7 +63,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         duration = positive(self.duration, "the duration")
-        rtol, atol = positive(self.rtol, "rtol"), positive(self.atol, "atol")
+        rtol, atol = fraction(self.rtol, "rtol"), positive(self.atol, "atol")
         if rtol < FINEST:
             raise LinkworkError(
                 f"rtol is {rtol:g}, less than what doubles can hold; give at least {FINEST:g}"
