@@ -17,6 +17,7 @@ import zarr
 
 from linkwork.sweeps import StudyError, runner, summary, sweep, write
 from linkwork.sweeps.chunk import compute
+from linkwork.sweeps.report import figure
 
 from tests.sweeps.carts import FILE, file, finished, results, study
 
@@ -230,6 +231,26 @@ def test_table_and_plots(tmp_path):
     assert "cart.mass" in drawn
     ticks = [panel.count('<g id="xtick_') for panel in drawn.split('<g id="axes_')[1:]]
     assert len(ticks) == 4 and max(ticks) <= 4
+
+
+def test_what_varies_by_ratios_is_drawn_so_and_the_legend_covers_no_panel(tmp_path):
+    masses = {"type": "log_uniform", "low": 0.1, "high": 10.0}
+    laws = {"slow": 1.0, "quick": 100.0}
+    goal = {"type": "pose", "joints": {"rail": 0.1}}
+    controllers = {
+        name: {"type": "pd", "kp": kp, "kd": 1.0, "goal": goal} for name, kp in laws.items()
+    }
+    cart = study(vary={"cart.mass": masses}, controllers=controllers, forces={})
+    outcome = sweep(cart, tmp_path)
+    drawn = figure(outcome.store, summary(outcome.store))
+    drawn.draw_without_rendering()
+    across, members, *_ = drawn.axes
+    assert (across.get_xscale(), members.get_xscale()) == ("log", "linear")
+    assert across.get_xlabel() == "cart.mass\n[kg]"
+    (legend,) = drawn.legends
+    assert [text.get_text() for text in legend.get_texts()] == [*laws]
+    box = legend.get_window_extent()
+    assert not any(box.overlaps(axes.get_window_extent()) for axes in drawn.axes)
 
 
 def test_the_report_reads_a_part_at_a_time_and_draws_a_bounded_number(tmp_path, monkeypatch):

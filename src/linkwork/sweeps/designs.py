@@ -41,6 +41,11 @@ class Variation(Record, ABC):
         """The least and the largest value; of a distribution without end those it passes once in
         10^9 members."""
 
+    @property
+    def by_ratio(self) -> bool:
+        """Whether equal ratios of positive values are equally far apart."""
+        return False
+
 
 class Distribution(Variation):
     """Vary at random."""
@@ -113,6 +118,10 @@ class Levels(Variation):
     def bounds(self) -> tuple[float, float]:
         return min(self.low, self.high), max(self.low, self.high)
 
+    @property
+    def by_ratio(self) -> bool:
+        return self.spacing == "geometric" and self.low > 0
+
     @model_validator(mode="after")
     def _possible(self) -> Self:
         if self.low == self.high:
@@ -138,6 +147,10 @@ class LogUniform(Bounded):
     """Vary evenly in the logarithm between low and high, both positive."""
 
     type: Literal["log_uniform"] = "log_uniform"
+
+    @property
+    def by_ratio(self) -> bool:
+        return True
 
     def at(self, u: np.ndarray) -> np.ndarray:
         return self.low * (self.high / self.low) ** u
@@ -230,6 +243,10 @@ class LogNormal(Distribution):
     deviation: Positive = Field(
         description="the standard deviation of the natural logarithm, above 0"
     )
+
+    @property
+    def by_ratio(self) -> bool:
+        return True
 
     def at(self, u: np.ndarray) -> np.ndarray:
         from scipy.special import ndtri

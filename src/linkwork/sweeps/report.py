@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 TABLE, PLOTS = "table.csv", "plots.svg"
 PLOTTED = 2000  # members of which points are drawn
+NAMED = 6  # controllers in a row of the legend
 PANELS = (8, 5)  # outputs and varied names that are drawn
 
 
@@ -215,6 +216,7 @@ def figure(store: Store, found: Summary) -> Figure:
     """Draw each output over each number that varies, and its distribution; a colour for each
     controller."""
     from matplotlib.patches import Patch
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     from linkwork.mechanism.parameter_units import unit_of_parameter
     from linkwork.views.style import COLOURS, new_figure, styled
@@ -242,16 +244,25 @@ def figure(store: Store, found: Summary) -> Figure:
                     axes_row[-1].hist(values, bins=bins, alpha=0.6, **look)
             # Names and units.
             axes_row[0].set_ylabel(f"{output}\n[{units.get(output, '')}]")
-            axes_row[-1].set_xlabel(output)
+            axes_row[-1].set_xlabel(f"{output}\n[{units.get(output, '')}]")
             for axes, across in zip(axes_row, varied, strict=False):
                 unit = unit_of_parameter(store.bench.robot.mechanism, across)
-                axes.set_xlabel(f"{across} [{unit}]" if unit else across)
-        for axes in grid.flat:  # so few ticks that their numbers stand apart
-            axes.locator_params(axis="x", nbins=3)
+                axes.set_xlabel(f"{across}\n[{unit}]" if unit else across)
+        # So few ticks that their numbers stand apart; what varies by ratios stands so.
+        vary = store.bench.study.vary
+        by_ratio = [name in vary and vary[name].by_ratio for name in varied]
+        for axes, ratio in zip(grid.flat, cycle([*by_ratio, False]), strict=False):
+            if ratio:
+                axes.set_xscale("log")
+                axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0), numticks=4))
+                axes.xaxis.set_major_formatter("{x:g}")
+                axes.xaxis.set_minor_formatter(NullFormatter())
+            else:
+                axes.locator_params(axis="x", nbins=3)
         # What the colours are, also of those that have nothing in the first row.
         grid[0][-1].set_title("members")
         if len(controllers) > 1:
             looks = zip(controllers, cycle(COLOURS), strict=False)
             handles = [Patch(color=colour, alpha=0.6, label=name) for name, colour in looks]
-            grid[0][-1].legend(handles=handles)
+            drawing.legend(handles=handles, loc="outside upper left", ncols=NAMED)
     return drawing
