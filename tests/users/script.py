@@ -116,6 +116,8 @@ members: lw.Ensemble = robot.ensemble(
 print(members.failed, members.final["slide_1"], members.message(0))
 
 modes = analysis.working_modes(robot, [0.5, 0.29, 1.2])
+nearest: lw.State = modes[0]
+assert next(mode["pivot_1"] for mode in modes) == nearest["pivot_1"]
 for mode in modes.states:
     print(mode["slide_1"])
 told = analysis.singularity(robot, state)
@@ -126,6 +128,7 @@ base = analysis.base_parameters(robot)
 found = analysis.identify(robot, run)
 views.save_figure(views.plot_mechanism(robot, robot.home, names=True), "pose.svg")
 views.save_figure(views.plot_motion(robot, run), "motion.svg")
+views.save_figure(views.plot_mechanism(robot, state).figure, "axes.svg")
 views.write_report(robot, run, "report.html")
 imported = formats.load("model.urdf")
 notes: tuple[str, ...] = formats.save(imported.mechanism, "model.yaml")

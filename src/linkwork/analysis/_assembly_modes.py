@@ -15,7 +15,7 @@ classes).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -69,6 +69,13 @@ class Modes(Portrayed):
 
     def __len__(self) -> int:
         return len(self.hits)
+
+    def __getitem__(self, index: int) -> State:
+        """Return one of the solutions, at rest."""
+        return self.states.at(range(len(self))[index])
+
+    def __iter__(self) -> Iterator[State]:
+        return iter(self.states)
 
     @property
     def missing(self) -> float:

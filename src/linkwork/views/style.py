@@ -17,7 +17,7 @@ from linkwork.scene.colours import BLUE, GREEN, GREY, INK, ORANGE, PINK, SKY, VE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 COLOURS = (BLUE, VERMILION, GREEN, PINK, ORANGE, SKY, INK)  # of curves, the darker ones first
 DASHES = (
@@ -122,7 +122,7 @@ def require_axes(ax: object) -> None:
         raise LinkworkError(f"ax is {shown(ax)}; give axes of matplotlib, or leave it out")
 
 
-def save_figure(drawn: Figure | Axes, path: str | Path) -> Path:
+def save_figure(drawn: Figure | SubFigure | Axes, path: str | Path) -> Path:
     """Write a figure as .svg or .pdf (lines and text as such, the same bytes every time) or as .png
     (300 dpi).
 
