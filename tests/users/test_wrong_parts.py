@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork import control, mechanism, paths
+from linkwork import analysis, control, gym, mechanism, paths
 
 NAN = float("nan")
 FRAME, SLIDING = mechanism.Frame(), mechanism.Sliding(coefficient=0.1)
@@ -190,6 +190,42 @@ def test_huge_and_tiny_numbers_at_the_doors_of_a_robot():
 def zero_gravity() -> mechanism.Mechanism:
     """Return a pendulum that nothing pulls back: its frequency is zero."""
     return lw.Robot("pendulum").mechanism.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
+
+
+def test_results_and_processes_asked_for_what_they_cannot_tell():
+    robot, other = lw.Robot("pendulum"), lw.Robot("five_bar")
+    law = {"observation": lambda t, s: [0.0], "reward": lambda t, s, action: 0.0}
+    pushed = robot.simulate(robot.home, lambda t, s: [lw.math.sin(9 * t)], duration=0.5, samples=20)
+    found = analysis.identify(robot, pushed)
+    ball = {"body": "plate", "height": 0.1, "radius": 0.1, "gravity": (0, 0, -9.81)}
+    elbow = other.in_chart(other.home, ["elbow_1", "elbow_2"])
+    told = analysis.identify(
+        other, other.simulate(other.home, [0.1, 0.2], duration=0.2, samples=200)
+    )
+    for sentence, ask in {
+        "accelerations is 'nonsense'; give 1 number: hinge_1": (
+            lambda: found.forces(robot.home, "nonsense")
+        ),
+        "bring them to those of home: robot.in_chart": lambda: told.forces(elbow, [0.0, 0.0]),
+        "q is [1.0, 2.0]; give 4 numbers": (
+            lambda: analysis.jacobians(other)(np.array([1.0, 2.0]).tolist())
+        ),
+        "the radius of a ball is -1; give a positive number": (
+            lambda: gym.RollingBall(**{**ball, "radius": -1})
+        ),
+        "the gravity of a ball is (0, 0); give three numbers": (
+            lambda: gym.RollingBall(**{**ball, "gravity": (0, 0)})
+        ),
+        "the id is None; give a name": lambda: gym.register(None, lambda: None, 5),
+        "num_envs is 1000": (
+            lambda: gym.Environments(
+                gym.DecisionProcess(robot=robot, dt=0.1, low=-1.0, high=1.0, **law), 10**30
+            )
+        ),
+    }.items():
+        with pytest.raises(lw.LinkworkError) as refusal:
+            ask()
+        assert sentence in str(refusal.value), refusal.value
 
 
 def test_a_tool_led_in_no_coordinate_is_refused():

@@ -27,7 +27,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.analysis.square import Square, of_joints, of_tool
-from linkwork.checks import amount
+from linkwork.checks import amount, reals, shown
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
@@ -96,6 +96,12 @@ class Jacobians:
     def __call__(self, q: np.ndarray) -> InputOutput:
         """Return K (..., n, n), J (..., n, n), det B (...) and det A (...) for configurations q
         (..., nq)."""
+        given, size = reals(q), len(self.robot.home.q)
+        if given is None or given.shape[-1:] != (size,):
+            raise LinkworkError(
+                f"q is {shown(q)}; give {amount(size, 'number')} in the last axis, as a state's q"
+            )
+        q = given
         K, J, det_B, det_A = self.kernel(q)
         n, batch = len(self.what), q.shape[:-1]
         K, J = (np.swapaxes(part.reshape(*batch, n, n), -1, -2) for part in (K, J))

@@ -29,7 +29,7 @@ from linkwork.analysis.measured_poses import (
     readings_of,
     spatial,
 )
-from linkwork.checks import amount, finite, needed, shown
+from linkwork.checks import amount, by_name, finite, needed, shown
 from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.parameter_units import with_unit
@@ -271,7 +271,8 @@ def values_of(
             fits = " or ".join(f"({count}, {width})" for width in widths)
             raise LinkworkError(f"the measured poses have the shape {tool.shape}; give {fits}")
     columns = []
-    for name, values in measured.joints.items():
+    example = "{'elbow_1': [0.1, 0.2]}"
+    for name, values in by_name(measured.joints, "the readings of joints", example).items():
         column = finite(values, f"the readings of {name!r}")
         if column.shape != (count,):
             raise LinkworkError(

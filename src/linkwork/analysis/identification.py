@@ -92,8 +92,17 @@ class Identification(Portrayed):
         """Return what the identified parameters foretell for the forces on the independent rates
         (..., n) [N, N m].
 
-        states: one or a stack; accelerations: v' (..., n) [m/s^2, rad/s^2]
+        states: one or a stack; accelerations: v' (..., n) [m/s^2, rad/s^2] of the rates that are
+        independent at home, as those of the states
         """
+        robot = self.base.regressor.robot
+        states = robot.own(states)
+        if states.independent != robot.independent:
+            raise LinkworkError(
+                f"the states hold the rates of {', '.join(states.independent)}; bring them to "
+                "those of home: robot.in_chart(states, robot.independent)"
+            )
+        accelerations = checks.accelerations(accelerations, states.independent)
         Y, known = self.base.regressor.with_known(states, accelerations)
         return Y[..., self.base.columns] @ self.values + known
 

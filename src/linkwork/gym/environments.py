@@ -83,7 +83,7 @@ class Environments(VectorEnv):
                 f"there is no render_mode {checks.shown(render_mode)}; there is 'rgb_array', whose "
                 "pictures `render` returns"
             )
-        self.process, self.num_envs = process, checks.count(num_envs, "num_envs")
+        self.process, self.num_envs = process, checks.count(num_envs, "num_envs", checks.MOST)
         horizon = process.horizon if max_episode_steps is None else max_episode_steps
         self._horizon = checks.count(horizon, "max_episode_steps")
         self._mode = mode_of(autoreset_mode)

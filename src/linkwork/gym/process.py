@@ -88,7 +88,9 @@ class DecisionProcess:
                 f"the robot of a process is {checks.shown(self.robot)}; give a linkwork.Robot, "
                 "such as Robot('prr3')"
             )
-        low, high = (checks.finite(getattr(self, name), name) for name in ("low", "high"))
+        low, high = (
+            np.atleast_1d(checks.finite(getattr(self, name), name)) for name in ("low", "high")
+        )
         if low.ndim != 1 or low.shape != high.shape or not low.size or not (low < high).all():
             raise LinkworkError(
                 f"bounds of the action are {low.tolist()} and {high.tolist()}; give as many "

@@ -36,6 +36,8 @@ def register(id: str, process: Callable[[], DecisionProcess], horizon: int) -> N
     Raises:
         LinkworkError: a process that is no function, a horizon that is no number of steps.
     """
+    if not isinstance(id, str) or not id:
+        raise LinkworkError(f"the id is {checks.shown(id)}; give a name, such as 'mine/Robot-v0'")
     if not callable(process):
         raise LinkworkError(
             f"the process of {id!r} is {checks.shown(process)}; give a function that returns one"

@@ -25,9 +25,10 @@ from typing import Any
 
 import numpy as np
 
-from linkwork import math
+from linkwork import checks, math
 from linkwork.control.drives import Extra
 from linkwork.control.observation import Observation
+from linkwork.errors import LinkworkError
 
 FULL = 2 / 5
 
@@ -50,6 +51,19 @@ class RollingBall:
     gravity: tuple[float, float, float]
     inertia: float = FULL
     name: str = "ball"
+
+    def __post_init__(self) -> None:
+        for what in ("body", "name"):
+            if not isinstance(getattr(self, what), str):
+                told = checks.shown(getattr(self, what))
+                raise LinkworkError(f"the {what} of a ball is {told}; give a name")
+        checks.number(self.height, "the height of a ball's plane")
+        checks.positive(self.radius, "the radius of a ball", "m")
+        checks.amount_of(self.inertia, "the inertia of a ball")
+        if checks.finite(self.gravity, "the gravity of a ball").shape != (3,):
+            raise LinkworkError(
+                f"the gravity of a ball is {checks.shown(self.gravity)}; give three numbers"
+            )
 
     @property
     def states(self) -> tuple[Extra, ...]:

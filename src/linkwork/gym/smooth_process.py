@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from linkwork.checks import needed
 from linkwork.equations import functions
 from linkwork.gym.environments import starts_of, steppers_of
 from linkwork.gym.process import DecisionProcess
@@ -51,6 +52,7 @@ def smooth(process: DecisionProcess) -> SmoothProcess:
     Returns:
         The functions, in the chart of the first start; starts in other charts are left out.
     """
+    needed(process, DecisionProcess, "linkwork.gym.DecisionProcess")
     # The symbols, and the parameters that the kernels of `Environments` take, in their order.
     robots = steppers_of(process, starts_of(process), 1)
     chart, system, told = robots.chart(0), robots.system, robots.independent(0)
