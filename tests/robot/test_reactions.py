@@ -330,3 +330,14 @@ def test_free_numbers():
         ).max()
         > 1
     )
+
+
+@pytest.mark.parametrize("times", [1e-5, 1e5])
+def test_lengths_that_drown_forces_or_moments_are_refused(times):
+    robot = built("prr3")
+    forces = np.array([1.0, 2.0, 3.0])
+    own = robot.reactions(robot.home, forces)
+    near = robot.reactions(robot.home, forces, length=own.length * times**0.75)
+    np.testing.assert_allclose(near.wrenches, own.wrenches, atol=1e-7)
+    with pytest.raises(lw.LinkworkError, match="m; give one within"):
+        robot.reactions(robot.home, forces, length=own.length * times)

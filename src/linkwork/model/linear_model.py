@@ -14,7 +14,7 @@ from linkwork.equations.linear import row_derivatives
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.task import is_length
-from linkwork.model import checks, task
+from linkwork.model import checks, not_finite, task
 from linkwork.model.asked import task_rows
 from linkwork.model.evaluation import own_units, terms
 from linkwork.model.linear import actuator_forces, evaluated, largest, linearised
@@ -142,6 +142,8 @@ def linearise(
     u = actuator_forces(robot, forces)
     values, n = evaluated(robot, state, u), robot.mobility
     A, B = linearised(robot, values)
+    if not (np.isfinite(A).all() and np.isfinite(B).all()):
+        raise not_finite.refusal(robot.chart_of(state), state.q)
     names = (*state.independent, *(f"{name} rate" for name in state.independent))
     wanted = names if outputs is None else checks.names(outputs, "outputs")
     acting = robot.actuators if inputs is None else checks.names(inputs, "inputs")

@@ -17,7 +17,7 @@ from linkwork.equations import Equations
 from linkwork.equations.reactions import joint_axes, joint_loads, strained_loads
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel
-from linkwork.model import checks, evaluation
+from linkwork.model import checks, evaluation, not_finite
 from linkwork.model.charts import CompiledChart
 from linkwork.model.network import Loads, Network, balanced, moved
 from linkwork.model.reordering import evaluated
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 FRAMES = ("ground", "first", "second")
 COMPONENTS = ("moment_x", "moment_y", "moment_z", "force_x", "force_y", "force_z")
+APART = 1e4  # lengths over the robot's own, up to which sums of moments and forces keep digits
 OPEN = 1e-6  # part of a direction without conditions from which a component counts as open
 MEMORY = 4_000_000  # numbers to hold at a time
 
@@ -117,7 +118,10 @@ def reactions(
         np.broadcast_to(x, (*batch, x.shape[-1])).reshape(prod(batch), x.shape[-1])
         for x in (state.q, state.rates, v_dot, u)
     ]
-    return transmitted(robot, [Samples(robot.chart_of(state), *rows)], batch, frame, length)
+    found = transmitted(robot, [Samples(robot.chart_of(state), *rows)], batch, frame, length)
+    if not np.isfinite(found.wrenches).all():
+        raise not_finite.refusal(robot.chart_of(state), state.q)
+    return found
 
 
 def transmitted(
@@ -131,8 +135,13 @@ def transmitted(
     dimensions of the result."""
     if not isinstance(frame, str) or frame not in FRAMES:
         raise LinkworkError(f"frame is {frame!r}; give {' or '.join(map(repr, FRAMES))}")
-    length = checks.number(robot.once(spread) if length is None else length, "length")
-    checks.positive(length, "length")
+    own = float(robot.once(spread))
+    length = checks.positive(own if length is None else length, "length", "m")
+    if not own / APART <= length <= own * APART:
+        raise LinkworkError(
+            f"length is {length:g} m, and the robot's own is {own:.3g} m; give one within "
+            f"{1 / APART:g} and {APART:g} times that, for beyond rounding decides what is told"
+        )
     network = robot.once(network_of)
     size = max(1, MEMORY // network.numbers)
     pieces = [part[k : k + size] for part in samples for k in range(0, max(len(part.q), 1), size)]

@@ -282,7 +282,7 @@ class Dynamics(Kinematics):
                 joints' root mean square distance from their middle at home if left out.
 
         Raises:
-            LinkworkError: as `forward_dynamics`; another frame.
+            LinkworkError: as `forward_dynamics`; another frame; a length far from the robot's own.
         """
         from linkwork.model.reactions import reactions
 
