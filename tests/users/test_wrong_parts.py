@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork import analysis, control, gym, mechanism, paths
+from linkwork import analysis, control, gym, lab, mechanism, paths, sweeps
 
 NAN = float("nan")
 FRAME, SLIDING = mechanism.Frame(), mechanism.Sliding(coefficient=0.1)
@@ -198,6 +198,9 @@ def test_results_and_processes_asked_for_what_they_cannot_tell():
     pushed = robot.simulate(robot.home, lambda t, s: [lw.math.sin(9 * t)], duration=0.5, samples=20)
     found = analysis.identify(robot, pushed)
     ball = {"body": "plate", "height": 0.1, "radius": 0.1, "gravity": (0, 0, -9.81)}
+    masses = {"rod_1.mass": {"type": "levels", "low": 1, "high": 2, "count": 3}}
+    study = {"robot": robot.mechanism, "duration": 1.0, "vary": masses}
+    study["outputs"] = {"energy": "final energy"}
     elbow = other.in_chart(other.home, ["elbow_1", "elbow_2"])
     told = analysis.identify(
         other, other.simulate(other.home, [0.1, 0.2], duration=0.2, samples=200)
@@ -217,6 +220,16 @@ def test_results_and_processes_asked_for_what_they_cannot_tell():
             lambda: gym.RollingBall(**{**ball, "gravity": (0, 0)})
         ),
         "the id is None; give a name": lambda: gym.register(None, lambda: None, 5),
+        "rtol: 2 is not below 1; expected relative tolerance, below 1": (
+            lambda: sweeps.Study(**study, rtol=2)
+        ),
+        "max_steps: True is a truth value; give a number": (
+            lambda: sweeps.Study(**study, max_steps=True)
+        ),
+        "there is no engine ['mujoco']; the engines are": (
+            lambda: lab.engines.build(["mujoco"], robot.mechanism)
+        ),
+        "the mechanism is 3; give a linkwork.Mechanism": lambda: lab.engines.build("mujoco", 3),
         "num_envs is 1000": (
             lambda: gym.Environments(
                 gym.DecisionProcess(robot=robot, dt=0.1, low=-1.0, high=1.0, **law), 10**30

@@ -95,6 +95,8 @@ def complaint(kind: str, value: Any, context: Mapping[str, Any], message: str) -
             return f"{shown(value)} is below {context['ge']:g}"
         case "less_than_equal":
             return f"{shown(value)} is above {context['le']:g}"
+        case "less_than":
+            return f"{shown(value)} is not below {context['lt']:g}"
         case "greater_than":
             return f"{shown(value)} is not above {context['gt']:g}"
         case "string_type":

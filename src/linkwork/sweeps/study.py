@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from linkwork.checks import file_path
+from linkwork.checks import MOST, file_path
 from linkwork.control.described_drives import drive
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
@@ -24,7 +24,7 @@ from linkwork.mechanism.document import DocumentNode, read_document
 from linkwork.mechanism.files import described, text_of
 from linkwork.mechanism.numbers import edited, free_numbers
 from linkwork.mechanism.record import MechanismError, Name, PathName, Positive, Real, Record
-from linkwork.mechanism.refusal import shown
+from linkwork.mechanism.refusal import PLAIN, shown
 from linkwork.runs.settings import Settings
 from linkwork.simulation import METHODS, integrator
 from linkwork.sweeps.controllers import AnyController
@@ -81,7 +81,7 @@ class Study(Record):
         description="joint coordinates in place of those of the robot's own reference [m, rad]",
     )
     duration: Positive = Field(description="length of each run [s]")
-    samples: Annotated[int, Field(ge=2)] = Field(
+    samples: Annotated[int, Field(ge=2, le=MOST), PLAIN] = Field(
         default=101, description="number of equally spaced times looked at"
     )
     start: Start = Field(default=Start(), description="where runs start")
@@ -102,18 +102,20 @@ class Study(Record):
     trajectories: tuple[str, ...] = Field(default=(), description="quantities to keep at all times")
     method: str | None = Field(default=None, description="integration method")
     step: Positive | None = Field(default=None, description="step of a method of fixed step [s]")
-    rtol: Positive = Field(default=Settings.rtol, description="relative tolerance")
+    rtol: Annotated[Positive, Field(lt=1)] = Field(
+        default=Settings.rtol, description="relative tolerance, below 1"
+    )
     atol: Positive = Field(
         default=Settings.atol,
         description="absolute tolerance [rad; of lengths parts of the robot's own length]",
     )
-    max_steps: Annotated[int, Field(ge=1)] = Field(
+    max_steps: Annotated[int, Field(ge=1), PLAIN] = Field(
         default=Settings.max_steps, description="most steps of a run"
     )
     on_singular: Literal["stop", "step_over"] = Field(
         default="stop", description="stop or step_over"
     )
-    chunk: Annotated[int, Field(ge=1)] | None = Field(
+    chunk: Annotated[int, Field(ge=1), PLAIN] | None = Field(
         default=None, description="members that are computed at a time"
     )
 

@@ -14,6 +14,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from linkwork import checks
 from linkwork.lab.engines.interface import Engine, EngineError, EngineRun
 from linkwork.mechanism import Mechanism
 
@@ -46,8 +47,12 @@ def build(name: str, mechanism: Mechanism, guess: Mapping[str, np.ndarray] | Non
     Raises:
         EngineError: there is no such engine, it is not installed, or it cannot hold this mechanism.
     """
-    if name not in CLASSES:
-        raise EngineError(f"there is no engine {name!r}; the engines are {', '.join(CLASSES)}")
+    if not checks.among(name, CLASSES):
+        raise EngineError(
+            f"there is no engine {checks.shown(name)}; the engines are {', '.join(CLASSES)}"
+        )
+    checks.needed(mechanism, Mechanism)
+    checks.by_name(guess, "the poses of the guess", "{'platform': pose}")
     return getattr(import_module(f"linkwork.lab.engines.{name}"), CLASSES[name])(
         mechanism, guess=guess
     )
