@@ -149,6 +149,9 @@ class Record(BaseModel):
         except ValidationError as error:
             raise first_refusal(error, type(self), fields) from None
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise MechanismError(f"{name} of a frozen {type(self).__name__} is not set; make another")
+
 
 def checked_name(name: str) -> str:
     """Accept a name: not empty, no dot (dots separate the parts of a path), no control
