@@ -39,6 +39,30 @@ class FreeNumbers(dict[str, float]):
         return dict, (dict(self),)
 
 
+def refuse_entries(*_: Any, **__: Any) -> Any:
+    """Refuse to change a description in place."""
+    raise LinkworkError(
+        "the parts of a description are not changed in place; make another description, such as "
+        "Mechanism(bodies={**mechanism.bodies, 'rod': rod}, joints=mechanism.joints)"
+    )
+
+
+class FixedEntries(dict[str, Any]):
+    """Hold the parts of a description by name; they are not changed in place."""
+
+    __setitem__ = __delitem__ = __ior__ = refuse_entries
+    clear = pop = popitem = setdefault = update = refuse_entries
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return FixedEntries, (dict(self),)
+
+
+def fix_entries(fields: dict[str, Any]) -> None:
+    """Let the mappings among a description's fields be changed no more."""
+    found = {name: FixedEntries(each) for name, each in fields.items() if type(each) is dict}
+    fields.update(found)
+
+
 class SetOnce:
     """Let attributes that are for users be set once, where the object is made."""
 

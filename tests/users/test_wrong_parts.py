@@ -135,6 +135,9 @@ def test_what_is_said_of_parts_names_them_and_what_would_be_right():
         "the boundary of SlidingMode is 0; give a positive number": (
             lambda: control.SlidingMode(boundary=0, **sliding)
         ),
+        "the parts of a description are not changed in place; make another description": (
+            lambda: lw.robots.prr3().bodies.update(platform=BODY)
+        ),
         "name of a frozen Mechanism is not set; make another": (
             lambda: setattr(lw.robots.prr3(), "name", "other")
         ),

@@ -23,6 +23,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from linkwork.mechanism.refusal import PLAIN, VANISHES, MechanismError, first_refusal, shown, vet
+from linkwork.readonly import fix_entries
 
 __all__ = [
     "HUGE",
@@ -148,6 +149,7 @@ class Record(BaseModel):
             super().__init__(**fields)
         except ValidationError as error:
             raise first_refusal(error, type(self), fields) from None
+        fix_entries(vars(self))
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise MechanismError(f"{name} of a frozen {type(self).__name__} is not set; make another")

@@ -40,6 +40,7 @@ STAGES = "linkwork.mechanism.", "linkwork.equations."
 OTHERS = {
     "builtins": {"range"},
     "casadi": {"Function"},
+    "linkwork": {"FixedEntries"},
     "numpy": {"dtype", "ndarray", "_frombuffer", "_reconstruct", "scalar"},
 }
 PROTOCOL, LEVEL = 5, 1  # of pickle, and of compression
