@@ -166,6 +166,17 @@ def test_sliding_mode_bears_a_wrong_model(robot):
     assert np.abs(soft["joint_position"].values - motion.positions)[:, :3].max() > e
 
 
+def test_sliding_mode_of_one_actuator_is_a_second_order_response_in_its_layer():
+    """s' = -(gain / boundary) s with s = e' + slope e."""
+    slope, gain, boundary = 3.0, 20.0, 5.0
+    law = SlidingMode({"slide": 0.4}, slope, gain, boundary, cart(mass=2.0))
+    plant = cart(mass=2.0)
+    run = plant.simulate(plant.state([0.1]), law, duration=2.0, save_at=TIMES, rtol=1e-10)
+    faster = gain / boundary
+    e = second_order(TIMES, -0.3, 0.0, slope * faster, slope + faster)
+    assert np.abs(run["joint_position"].values[:, 0] - 0.4 - e).max() < 1e-8
+
+
 def test_lqr_of_a_double_integrator_is_known():
     """m x'' = u with Q = diag(1, 0), R = 1 has K = (1, sqrt(2 m)) (Anderson & Moore)."""
     law = LQR.about(cart(mass=2.0), cart(mass=2.0).home, [1.0, 0.0], [1.0])

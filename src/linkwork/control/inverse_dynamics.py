@@ -99,9 +99,8 @@ class InverseDynamics:
         q = measured(equations, state)
         v = [0.0 if still else state.rate(label) for label in equations.independent]
         p = [state.parameter(f"model.{path}", value) for path, value in robot.parameters.items()]
-        u = self.function(
-            *(ca.vertcat(ca.SX(0, 1), *values) for values in (q, v, math.array(accelerations), p))
-        )
+        a = math.array(accelerations).ravel()
+        u = self.function(*(ca.vertcat(ca.SX(0, 1), *values) for values in (q, v, a, p)))
         return numeric(math.vector(u))
 
 
