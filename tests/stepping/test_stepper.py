@@ -346,6 +346,20 @@ def test_singular_poses_of_the_independent_rates_are_passed(robot):
     assert stepper.closure_error < 1e-12
 
 
+@pytest.mark.parametrize("method", ["rk4", "symplectic_euler"])
+def test_steps_of_fixed_length_keep_to_it_past_weak_pivots(method):
+    """A crank-rocker that is almost a parallelogram passes its fold, where rates are weak."""
+    robot = lw.Robot(four_bar(ground=1.0, crank=0.5, coupler=1.0, rocker=0.5001))
+    start, how = robot.home.with_rates([8.0]), {"method": method, "step": 2e-3}
+    run = robot.simulate(start, duration=0.5, **how)
+    np.testing.assert_array_equal(run.time, 2e-3 * np.arange(251))
+    stepper = robot.stepper(start, 2e-3, method=method)
+    stepper.step(steps=250)
+    require_same(stepper, run)
+    half = robot.simulate(start, duration=0.2, **how)
+    require_same(stepper, robot.resume(half, duration=0.3, **how))
+
+
 def test_a_state_of_the_other_sign_may_be_written():
     """q of another assembly mode: the chart there has pivots of other signs."""
     robot = lw.Robot(four_bar())

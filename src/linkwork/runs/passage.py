@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from math import ceil
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
@@ -170,8 +171,8 @@ class Passage:
 
     @property
     def shortest(self) -> float:
-        """Duration of the shortest segments."""
-        return (self.end - self.start) / SHORT
+        """Duration of the shortest segments; a step of fixed length, whatever the duration."""
+        return self.settings.integrator.step or (self.end - self.start) / SHORT
 
     def onward(self, stand: Stand | None) -> Iterator[Segment]:
         """Yield the segments from a stand on.
@@ -247,8 +248,12 @@ class Passage:
         return here if t < self.end else None
 
     def _until(self, stand: Stand) -> float:
-        """Return the time at which the segment from a stand on ends."""
-        return self.end if stand.bound == SOFT else min(stand.t + stand.short, self.end)
+        """Return the time at which the segment from a stand on ends: steps of fixed length end at
+        their multiples under a lowered bound, too."""
+        if stand.bound == SOFT:
+            return self.end
+        until, step = stand.t + stand.short, self.settings.integrator.step
+        return min(until if step is None else step * ceil(until / step - 1e-9), self.end)
 
     def _again(
         self, stand: Stand, done: Trajectory, save_at: np.ndarray | None, row: int
