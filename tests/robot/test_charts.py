@@ -9,6 +9,7 @@ import pytest
 import linkwork as lw
 from linkwork.robots import bricard, five_bar, four_bar, n_four_bar, prr3
 
+from tests.catalogue import built
 from tests.equations.evaluation import close
 from tests.oracle.published import N_FOUR_BAR
 from tests.robot.oracle_state import Seen
@@ -153,6 +154,16 @@ def test_a_run_may_start_in_any_chart():
     other = robot.in_chart(state, ["elbow_1", "elbow_2"])
     runs = [robot.simulate(start, [0.01, 0.0], duration=0.5, **TIGHT) for start in (state, other)]
     close(positions(runs[0])[-1], positions(runs[1])[-1], 1e-8)
+
+
+@pytest.mark.parametrize("duration", [1.203, 1.297, 1.429])
+def test_a_run_ends_when_it_is_asked_to_whatever_its_charts(duration):
+    """To the last digit: where it changed charts at t, t + (T - t) is not T."""
+    robot, u = built("rrr3"), [0.5, 0.5, 0.5]
+    start = robot.home.with_rates([0.3, 0.3, 0.3])
+    run = robot.simulate(start, u, duration=duration, method="rk4", step=1e-3, samples=3)
+    assert "; from" in run.attrs["charts"]
+    assert run.time[-1] == run.attrs["final_time"] == duration
 
 
 def test_the_paper_s_robot_under_one_force_passes_its_singular_poses():

@@ -294,7 +294,7 @@ class Passage:
         pace = stand.pace or (self.pace if first else None) or stand.first_step
         going_on = stand.bound, steps, save_at, pace, stand.control, stand.turns
         y, problem = np.concatenate((stand.q, stand.v)), self.problem(chart, stand.method, inputs)
-        return advanced(problem, y, TimeSpan(stand.q.size, t, t + (end - t), *going_on))
+        return advanced(problem, y, TimeSpan(stand.q.size, t, end, *going_on))
 
     def problem(self, chart: CompiledChart, method: Method, inputs: Signal) -> Problem:
         """Return what is integrated in a chart, and how."""

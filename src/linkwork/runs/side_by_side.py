@@ -245,7 +245,7 @@ def integrated(batch: Members, settings: Settings, stands: Stands, progress: Pro
         turning=turning(batch.robot.turning, batch.robot.chart, system.acting),
         redundant=bool(batch.robot.redundant),
         starts=Starts(
-            (stands.t, stands.t + (until - stands.t), stands.bound),
+            (stands.t, until, stands.bound),
             (stands.members, stands.steps, stands.saved, last),
             stands.turns,
             stands.first_step,
