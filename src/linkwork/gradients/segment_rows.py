@@ -15,7 +15,7 @@ from linkwork.runs.passage import Segment
 from linkwork.runs.system import System
 from linkwork.simulation.fixed_steps import SymplecticEuler
 from linkwork.simulation.methods import METHODS
-from linkwork.simulation.native_between import ROUNDING
+from linkwork.simulation.native_parts import ROUNDING
 from linkwork.simulation.rosenbrock import RODAS
 from linkwork.simulation.tableaus import StepPlan
 
@@ -44,7 +44,14 @@ class SegmentRows:
 
     @cached_property
     def t(self) -> np.ndarray:
-        return np.ascontiguousarray(self.segment.trajectory.t)
+        """Times of the rows (K,) [s]; fixed steps that miss a break by rounding are taken to end
+        there, as by the loop (`native_parts.acting_from`)."""
+        t, breaks = np.ascontiguousarray(self.segment.trajectory.t), self.system.inputs.breaks
+        if self.plans[0].exponent or not breaks.size:
+            return t
+        ahead = breaks[np.minimum(breaks.searchsorted(t), breaks.size - 1)]
+        near = ROUNDING * np.diff(t).max(initial=0.0)
+        return np.where((t < ahead) & (ahead <= t + near), ahead, t)
 
     @cached_property
     def y(self) -> np.ndarray:

@@ -9,7 +9,7 @@ from numba import njit
 
 from linkwork.simulation.compiled import INLINED
 from linkwork.simulation.lane_tables import BREAK, LIVE, PIECE, ROW, START, STEP, STOP, TIME
-from linkwork.simulation.native_loop import ROUNDING
+from linkwork.simulation.native_parts import ROUNDING
 from linkwork.simulation.vectors import LANES
 
 

@@ -8,10 +8,8 @@ import numpy as np
 from numba import njit
 
 from linkwork.simulation.compiled import INLINED, OPTIONS
-from linkwork.simulation.native_parts import add_turns, copy
+from linkwork.simulation.native_parts import ROUNDING, add_turns, copy
 from linkwork.simulation.pointers import call, pointer
-
-ROUNDING = 1e-9
 
 
 class Schedule(NamedTuple):
@@ -31,7 +29,8 @@ def set_target(run):
     multiple of a fixed length."""
     course, (breaks, count, length) = run.course, run.schedule
     t, end, next_break, grid = run.t, course.stop, run.next_break, run.grid
-    while next_break < count and breaks[next_break] <= t + ROUNDING * (t - course.start):
+    near = ROUNDING * (length if length > 0 else t - course.start)
+    while next_break < count and breaks[next_break] <= t + near:
         next_break += 1
     while length > 0 and grid * length <= t + ROUNDING * length:
         grid += 1

@@ -48,6 +48,7 @@ from linkwork.simulation.native_parts import (
     Kernels,
     StepLimits,
     Turns,
+    acting_from,
     add_turns,
     copy,
     evaluate,
@@ -240,7 +241,7 @@ def between(run):
     run.arrived = False
     # The inputs that act from here on, of signals and of a controller whose time has come.
     copy(room.y, room.x, room.n)
-    run.piece = force(run.inputs, t, False, run.piece, room.x + room.n)
+    run.piece = force(run.inputs, acting_from(run, t), False, run.piece, room.x + room.n)
     lasts = t < course.stop and not run.halted
     goes_on = run.status == OK and lasts and run.accepted + run.rejected < course.max_steps
     if goes_on and due(run):

@@ -32,6 +32,7 @@ NON_FINITE = int(Status.NON_FINITE)
 
 NEWTON_CALLS = 8
 REFUSED = 1e300  # error of a step that may not be, whatever its error
+ROUNDING = 1e-9  # of a step or a period, by which a time may miss another one
 RESERVE = 100.0
 """A Newton step d leaves a residual of about d^2; below tolerance / RESERVE it need not be
 measured."""
@@ -216,6 +217,16 @@ def force(inputs, t, from_left, piece, out):
 
 
 @njit(**INLINED)
+def acting_from(run, t):
+    """Return the time of which the inputs act from t on: that of a break which a fixed step has
+    reached but for rounding."""
+    (breaks, count, length), i = run.schedule, run.next_break
+    while i < count and breaks[i] <= t + ROUNDING * length:
+        i += 1
+    return max(t, breaks[i - 1]) if length > 0 and i > 0 else t
+
+
+@njit(**INLINED)
 def evaluate(run, i):
     """Evaluate k_i = y' at x; return what the pivot tells, OK, SINGULAR or NON_FINITE, and the
     pivot."""
@@ -309,7 +320,7 @@ def record(run, time, state, residual, event):
     row[0] = time
     copy(state, row + 1, n)
     add_turns(row + 1, run.turns, room.nq)
-    force(inputs, time, False, run.piece, row + 1 + n)
+    force(inputs, acting_from(run, time), False, run.piece, row + 1 + n)
     for i in range(inputs.columns, room.inputs):
         row[1 + n + i] = room.x[n + i]
     row[last], row[last + 1] = residual, event

@@ -9,6 +9,7 @@ Tables, (rows, LANES) each: `y`, states at the starts of the steps; `x`, rows (y
 of the members as in `lane_tables`; `own`, those that are named below.
 """
 
+import math
 from typing import Any, NamedTuple
 
 from llvmlite import ir
@@ -18,7 +19,7 @@ from numba.extending import intrinsic
 
 from linkwork.simulation.compiled import INLINED, OPTIONS
 from linkwork.simulation.lane_tables import STEP
-from linkwork.simulation.native_parts import force
+from linkwork.simulation.native_parts import ROUNDING, force, inputs_of
 from linkwork.simulation.pointers import POINTER, pointer
 from linkwork.simulation.structures import tuple_type
 from linkwork.simulation.vectors import LANES, VECTOR, every, load, store
@@ -61,6 +62,16 @@ class StepDemands(NamedTuple):
     closure_tol: float
     redundant: bool
     first: int
+
+
+class GivenInputs(NamedTuple):
+    """Hold what is given over time: the `signal`, the `count` `breaks` where it jumps or has a
+    kink, and whether it is `timed`, but for the forces."""
+
+    signal: Any
+    breaks: Any
+    count: int
+    timed: bool
 
 
 class LaneBlock(NamedTuple):
@@ -177,14 +188,35 @@ def put_changed(table, begin, end, first, live, block, array):
         put_rows(table, m, m + 1, first, live, block, array)
 
 
+@njit(**INLINED)
+def given_by(table, timed):
+    """Read what is given over time out of a `Signal.table`."""
+    signal, breaks = inputs_of(pointer(table))
+    return GivenInputs(signal, breaks, int(table[2]), timed)
+
+
 @njit(**OPTIONS)
-def set_inputs(theta, signal, herd, asked, block):
-    """Evaluate what is given over time at t + theta h in all lanes, but for the forces."""
-    x, n, columns = block.x, block.n, signal.columns
-    end = asked.first + herd.u.shape[0]
+def next_break(given, t):
+    """Return the first time after t at which what is given over time jumps or has a kink, infinity
+    behind the last."""
+    for i in range(given.count):
+        if given.breaks[i] > t:
+            return given.breaks[i]
+    return math.inf
+
+
+@njit(**OPTIONS)
+def set_inputs(theta, given, herd, asked, block):
+    """Evaluate what is given over time at t + theta h in all lanes, but for the forces; at a start,
+    within rounding of a break, behind it."""
+    x, n, columns = block.x, block.n, given.signal.columns
+    end, near = asked.first + herd.u.shape[0], ROUNDING * asked.step
     for lane in range(LANES):
         time = block.own[WHEN, lane] + theta * block.now[STEP, lane]
-        force(signal, time, theta > 0, 0, block.inputs)
+        if theta == 0 and given.count > 0:
+            ahead = next_break(given, time)
+            time = ahead if ahead <= time + near else time
+        force(given.signal, time, theta > 0, 0, block.inputs)
         for j in range(columns):
             if j < asked.first or j >= end:
                 x[n + j, lane] = block.inputs[j]

@@ -28,8 +28,8 @@ from linkwork.simulation.native_parts import (
     NON_FINITE,
     OK,
     RESERVE,
+    ROUNDING,
     SINGULAR,
-    inputs_of,
     method_of,
     turns_in,
     whole,
@@ -64,6 +64,8 @@ from linkwork.stepping.native_block import (
     WRITTEN,
     LaneBlock,
     choose_members,
+    given_by,
+    next_break,
     put,
     put_changed,
     put_rows,
@@ -153,7 +155,7 @@ def ailment(computed, asked, lane, block):
 
 
 @njit(**INLINED)
-def advance(motion, closure, method, signal, timed, herd, asked, block):
+def advance(motion, closure, method, given, herd, asked, block):
     """Try a step in all lanes; leave the new states in x, and return where they may be
     accepted."""
     n, nq, y, x, k, now = block.n, block.nq, block.y, block.x, block.k, block.now
@@ -162,8 +164,8 @@ def advance(motion, closure, method, signal, timed, herd, asked, block):
     for i in range(method.solution):
         if i > 0:
             combine(method.a + i * method.stages, i, n, now, y, k, x)
-        if timed:
-            set_inputs(method.c[i], signal, herd, asked, block)
+        if given.timed:
+            set_inputs(method.c[i], given, herd, asked, block)
         call_wide(motion, x, k, i * (n + 1))
     last = method.solution
     # Symplectic: q' at the new v replaces that of k_1.
@@ -191,28 +193,39 @@ def advance(motion, closure, method, signal, timed, herd, asked, block):
 
 
 @njit(**INLINED)
-def aim(asked, block):
-    """Choose the steps of the lanes, to the next times that their steps end at; tell whether any
-    lane goes on."""
+def aim(given, asked, block):
+    """Choose the steps of the lanes, to the next times that their steps end at, those of breaks
+    among them; tell whether any lane goes on."""
     now, own, one, none = block.now, block.own, splat(1.0), splat(0.0)
     on = (load(now, LIVE) >= one) & (load(own, LEFT) >= one)
     goal = load(own, ORIGIN) + (load(own, NUMBER) + one) * splat(asked.step)
     store(now, ARRIVAL, goal)
+    if given.timed and given.count > 0:
+        for lane in range(LANES):
+            ahead = next_break(given, own[WHEN, lane] + ROUNDING * asked.step)
+            now[ARRIVAL, lane] = min(now[ARRIVAL, lane], ahead)
+        goal = load(now, ARRIVAL)
     store(now, STEP, choose(on, goal - load(own, WHEN), none))
     store(now, LIVE, choose(on, one, none))
     return some(on)
 
 
 @njit(**INLINED)
-def book(computed, herd, asked, healthy, block):
-    """Count the steps that were taken, and end the members whose step could not be."""
+def book(computed, given, herd, asked, healthy, block):
+    """Count the steps that were taken, those up to a break as parts of theirs, and end the members
+    whose step could not be."""
     now, own, one, none = block.now, block.own, splat(1.0), splat(0.0)
     accepted = healthy & (load(now, LIVE) >= one)
     step = choose(accepted, one, none)
     store(now, WANTED, step)
     store(own, WHEN, choose(accepted, load(now, ARRIVAL), load(own, WHEN)))
-    store(own, NUMBER, load(own, NUMBER) + step)
-    store(own, LEFT, load(own, LEFT) - step)
+    counted = step
+    if given.timed and given.count > 0:
+        goal = load(own, ORIGIN) + (load(own, NUMBER) + one) * splat(asked.step)
+        whole_step = load(now, ARRIVAL) >= goal - splat(ROUNDING * asked.step)
+        counted = choose(whole_step, step, none)
+    store(own, NUMBER, load(own, NUMBER) + counted)
+    store(own, LEFT, load(own, LEFT) - counted)
     store(own, WRITTEN, choose(accepted, none, load(own, WRITTEN)))
     if some(load(now, LIVE) - step >= one):
         for lane in range(LANES):
@@ -308,15 +321,16 @@ def steps(motion, closure, plan, table, timed, herd, asked, members, reading, to
     # Where LANES members are computed.
     herd, asked, told = uncounted(herd), uncounted(asked), uncounted(told)
     members, lanes = uncounted(members), np.empty(LANES, np.intp)
-    method, (signal, _) = method_of(pointer(plan)), inputs_of(pointer(table))
+    method, given = method_of(pointer(plan)), given_by(table, timed)
     n, nq, p = herd.y.shape[0], herd.turns.shape[0], herd.p.shape[0]
     count = told.rows.shape[1] + told.columns.shape[0]
+    inputs = np.empty(given.signal.columns + 1)
     sizes = (
-        *(n, n + signal.columns + p, method.stages * (n + 1), nq + p, nq + 1, NOW, NUMBERS),
+        *(n, n + given.signal.columns + p, method.stages * (n + 1), nq + p, nq + 1, NOW, NUMBERS),
         count,
     )
     ends = np.cumsum(np.array(sizes))
-    space, inputs = room(ends[-1]), np.empty(signal.columns + 1)
+    space = room(ends[-1])
     who = uncounted(lanes)
     block = LaneBlock(
         as_table(space), as_table(space[ends[0] :]), as_table(space[ends[1] :]),
@@ -326,16 +340,16 @@ def steps(motion, closure, plan, table, timed, herd, asked, members, reading, to
     found = as_table(space[ends[6] :])
     # What does not vary is the same for all.
     if not timed:
-        set_inputs(0.0, signal, herd, asked, block)
+        set_inputs(0.0, given, herd, asked, block)
     stopped, shortest = 0, asked.turning[0].min() if nq > 0 else math.inf
     finite = True
     for begun in range(0, members.size, LANES):
         live = min(LANES, members.size - begun)
         first = choose_members(members, begun, live, who)
-        begin(herd, asked, closure, signal, first, live, block)
-        while aim(asked, block):
-            healthy = advance(motion, closure, method, signal, timed, herd, asked, block)
-            book(method.computed, herd, asked, healthy, block)
+        begin(herd, asked, closure, given.signal, first, live, block)
+        while aim(given, asked, block):
+            healthy = advance(motion, closure, method, given, herd, asked, block)
+            book(method.computed, given, herd, asked, healthy, block)
             move(block.x, 0, block.y, n, load(block.now, WANTED) <= splat(0.0))
             if large(shortest, block):
                 settle(herd, asked, live, block)
@@ -345,6 +359,6 @@ def steps(motion, closure, plan, table, timed, herd, asked, members, reading, to
         if reading != 0:
             for m in range(n):
                 store(block.x, m, load(block.y, m))
-            finite &= tell(reading, signal, timed, herd, asked, first, live, block, found, told)
+            finite &= tell(reading, given, herd, asked, first, live, block, found, told)
     space[0, 0] = inputs[0] = lanes[0] = 0  # the memory of the block lives to the end
     return stopped, finite

@@ -14,7 +14,6 @@ from numba.extending import intrinsic
 from linkwork.kernels.machine import this_machine
 from linkwork.simulation.compiled import INLINED, compiled_once
 from linkwork.simulation.lane_tables import NOW, STEP, room
-from linkwork.simulation.native_parts import inputs_of
 from linkwork.simulation.pointers import POINTER, pointer, uncounted
 from linkwork.simulation.structures import tuple_type
 from linkwork.simulation.vectors import (
@@ -32,6 +31,7 @@ from linkwork.stepping.native_block import (
     WHEN,
     LaneBlock,
     choose_members,
+    given_by,
     put_vector,
     set_inputs,
     taken,
@@ -95,15 +95,15 @@ put_square: Any = intrinsic(_put_square)
 
 
 @njit(**INLINED)
-def tell(kernel, signal, timed, herd, asked, first, live, block, found, told):
+def tell(kernel, given, herd, asked, first, live, block, found, told):
     """Write what a kernel gives for the members whose states stand in x, at their times; return
     whether all of it is finite."""
     rows, columns = pointer(told.rows), pointer(told.columns)
     width, others, stride = told.rows.shape[1], told.columns.shape[0], told.columns.shape[1]
     # What varies in time, and what the kernel says of it.
-    if timed:
+    if given.timed:
         store(block.now, STEP, splat(0.0))
-        set_inputs(0.0, signal, herd, asked, block)
+        set_inputs(0.0, given, herd, asked, block)
     call_wide(kernel, block.x, found, 0)
     # Rows of members that stand one after the other are written in squares, of which the last one
     # overlaps those before.
@@ -141,10 +141,10 @@ def readings(kernel, table, timed, herd, asked, members, told):
     # Where LANES members are computed.
     herd, asked, told = uncounted(herd), uncounted(asked), uncounted(told)
     members, lanes = uncounted(members), np.empty(LANES, np.intp)
-    signal, _ = inputs_of(pointer(table))
+    given = given_by(table, timed)
     n, forces, p = herd.y.shape[0], herd.u.shape[0], herd.p.shape[0]
-    width, count = n + signal.columns + p, told.rows.shape[1] + told.columns.shape[0]
-    space, inputs = room(width + count + NOW + NUMBERS), np.empty(signal.columns + 1)
+    width, count = n + given.signal.columns + p, told.rows.shape[1] + told.columns.shape[0]
+    space, inputs = room(width + count + NOW + NUMBERS), np.empty(given.signal.columns + 1)
     who = uncounted(lanes)
     x, found = as_table(space), as_table(space[width:])
     now, own = as_table(space[width + count :]), as_table(space[width + count + NOW :])
@@ -155,8 +155,8 @@ def readings(kernel, table, timed, herd, asked, members, told):
         # States, forces and parameters as they are.
         taken(herd.y, n, first, block, x, 0)
         taken(herd.u, forces, first, block, x, n + asked.first)
-        taken(herd.p, p, first, block, x, n + signal.columns)
+        taken(herd.p, p, first, block, x, n + given.signal.columns)
         taken(herd.numbers, WHEN + 1, first, block, own, 0)
-        finite &= tell(kernel, signal, timed, herd, asked, first, live, block, found, told)
+        finite &= tell(kernel, given, herd, asked, first, live, block, found, told)
     space[0, 0] = inputs[0] = lanes[0] = 0  # the memory of the block lives to the end
     return finite

@@ -17,7 +17,6 @@ from numba import njit
 from numba.core.dispatcher import Dispatcher
 
 from linkwork.simulation.compiled import INLINED, OPTIONS, compiled_once
-from linkwork.simulation.native_between import ROUNDING
 from linkwork.simulation.native_loop import (
     SIGNATURE,
     attempting,
@@ -25,7 +24,17 @@ from linkwork.simulation.native_loop import (
     between,
 )
 from linkwork.simulation.native_memory import INTEGRATION, RunCourse, integration_at
-from linkwork.simulation.native_parts import OK, add_turns, copy, project, settle, whole
+from linkwork.simulation.native_parts import (
+    OK,
+    ROUNDING,
+    acting_from,
+    add_turns,
+    copy,
+    force,
+    project,
+    settle,
+    whole,
+)
 from linkwork.simulation.pointers import POINTER, pointer
 from linkwork.simulation.structures import Structure, at
 
@@ -104,7 +113,7 @@ def taking(advance: Dispatcher) -> Dispatcher:
             if goal > own.last + ROUNDING * own.step:
                 code = UNCOVERED
                 break
-            own.run[STOP] = goal
+            own.run[STOP] = landing(run.schedule, run.next_break, goal)
             go(run)
             code = run.status
             if code == OK:
@@ -118,6 +127,15 @@ def taking(advance: Dispatcher) -> Dispatcher:
         return code
 
     return take
+
+
+@njit(**INLINED)
+def landing(schedule, i, goal):
+    """Return where a step up to a time ends: at the break, from number i on, that it misses by
+    rounding alone, as a run's."""
+    while i < schedule.count and schedule.breaks[i] < goal - ROUNDING * schedule.length:
+        i += 1
+    return min(goal, schedule.breaks[i]) if schedule.length > 0 and i < schedule.count else goal
 
 
 @njit(**OPTIONS)
@@ -159,10 +177,11 @@ def take_over(own, run):
 def prepare(
     kernels, p, plan, tolerance, conditions, signal, seen, course, save_at, counted, y
 ):  # fmt: skip
-    """Return the memory of a run at its start, its table of rows, and its status; the arguments are
-    those of `native_loop.begin`, and all of it is to be kept."""
+    """Return the memory of a run at its start, with the inputs of its time, its table of rows, and
+    its status; the arguments are those of `native_loop.begin`, and all of it is to be kept."""
     run, memory, rows = begin(
         kernels, p, plan, tolerance, conditions, signal, seen, course, save_at, counted, y
     )
     run.rows = pointer(rows)
+    force(run.inputs, acting_from(run, run.t), False, 0, run.room.x + run.room.n)
     return memory, rows, run.status
