@@ -342,3 +342,15 @@ def test_numbers_of_samples_that_make_no_motion_are_refused(count, robot):
     timed = motions.point_to_point(robot.home, ENDS[1], LIMITS)
     with pytest.raises(LinkworkError, match="the number of samples"):
         motions.follow(robot, timed, samples=count)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_tool_that_turns_on_and_on_is_not_turned_back(way):
+    """Three turns in quarters, each told as a rotation vector of at most half a turn."""
+    axis, quarters = way * np.array([2.0, -1.0, 2.0]) / 3, np.arange(13) * np.pi / 2
+    told = (quarters + np.pi / 2) % (2 * np.pi) - np.pi / 2
+    told[told > np.pi] -= 2 * np.pi
+    poses = np.column_stack([0.1 * quarters, np.zeros((13, 2)), told[:, None] * axis])
+    timed = motions.through(poses, motions.AxisLimits(speed=1.0))
+    x = timed.sample(np.array(timed.passed))[0]
+    assert x[:, 3:] == pytest.approx(quarters[:, None] * axis, abs=1e-9)

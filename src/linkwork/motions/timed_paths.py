@@ -412,17 +412,18 @@ def continued(points: np.ndarray) -> np.ndarray:
     """Return spatial poses (K, 6) with the rotation vectors nearest to each other that turn the
     same way; other points as they are.
 
-    r and r (1 + 2 pi k / |r|) are the same orientation.
+    r and r (1 + 2 pi k / |r|) are the same orientation, and so are 0 and 2 pi k about any axis.
     """
     if points.shape[1] != 6:
         return points
     led = points.copy()
     for k in range(1, len(led)):
         r, before = led[k, 3:], led[k - 1, 3:]
-        angle = np.linalg.norm(r)
-        if 0 < angle <= np.pi:
-            others = [r * (1 + 2 * np.pi * turns / angle) for turns in (0, -1, 1)]
-            led[k, 3:] = min(others, key=lambda other: float(np.linalg.norm(other - before)))
+        angle, along = np.linalg.norm(r), r if r.any() else before
+        if angle <= np.pi and along.any():
+            axis = along / np.linalg.norm(along)
+            whole = 2 * np.pi * np.round((axis @ before - angle) / (2 * np.pi))
+            led[k, 3:] = r * (1 + whole / angle) if angle else whole * axis
     return led
 
 
