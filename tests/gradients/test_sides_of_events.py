@@ -12,6 +12,8 @@ from linkwork.control import Event, Sampler
 from linkwork.gradients.breaks import STRAY, parts
 
 from tests.gradients.test_runs import CART
+from tests.robot.test_bearings import slider_crank
+from tests.robot.test_gear_teeth import N, hoist
 
 
 def hung(a):
@@ -124,3 +126,45 @@ def test_a_way_to_a_break_has_few_parts_however_much_the_motion_bends(bend):
     assert 1 < len(found) < 50 and (found >= 1e-14).all()
     stray = np.nan_to_num(STRAY * bend * (before - found) ** 2, nan=0.0)
     assert (found >= np.minimum(before / 2, stray) * (1 - 1e-9)).all()
+
+
+def test_a_load_that_a_jump_of_forces_turns_round_does_so_at_its_time():
+    """The friction of a slider-crank's bearings has its kinks when the held force jumps, not when
+    their loads would pass zero: by differences."""
+    robot = slider_crank(rate=1e-2)
+    held = lw.Sampled([0.0, 0.05, 0.1, 0.2], np.c_[[3.0, -4.0, 2.0, 1.0]], kind="hold")
+
+    def end(speed: float) -> lw.gradients.LossGradient:
+        return robot.gradient(
+            lambda t, state: state["main"] + 0.1 * state.rate("main"),
+            robot.home.with_rates([speed]),
+            held,
+            duration=0.15,
+            rtol=1e-10,
+            atol=1e-12,
+        )
+
+    found = end(1.0)
+    assert sum("turns round" in name for name in found.run.coords["event"].values) > 2
+    slope = (end(1 + 1e-4).value - end(1 - 1e-4).value) / 2e-4
+    assert found["rates.main"] == pytest.approx(slope, rel=1e-6)
+
+
+def test_a_load_that_turns_round_with_a_law_wants_the_law_s_own_event():
+    """Torques on a hoist that jump at 0.1 s: the drum's rate is that at first and what they add."""
+    robot = hoist(rate=1e-2)
+    start = robot.home.with_rates({robot.independent[0]: 300.0})
+
+    def law(t, state):
+        return [math.where(t < 0.1, 1.0, -0.5), math.where(t < 0.1, -20.0, -2.0)]
+
+    def loss(t, state):
+        return state.rate("drum")
+
+    with pytest.raises(
+        lw.LinkworkError, match=r"'mesh: load turns round' at t = 0\.1 s leaps over"
+    ):
+        robot.gradient(loss, start, law, duration=0.2)
+    switch = Event(lambda t, state: t - 0.1, cuts=True)
+    found = robot.gradient(loss, start, law, duration=0.2, events=[switch])
+    assert found["rates.motor"] == pytest.approx(1 / N, rel=1e-8)

@@ -15,7 +15,7 @@ import numpy as np
 from linkwork.control.acting import Acting
 from linkwork.errors import LinkworkError
 from linkwork.gradients import run_kernels
-from linkwork.gradients.instants import Sampling, inputs_at, sampled
+from linkwork.gradients.instants import Sampling, inputs_at, sampled, values
 from linkwork.gradients.links import Partials, PulledBack
 from linkwork.model.charts import CompiledChart
 from linkwork.model.model import Model
@@ -27,6 +27,9 @@ from linkwork.simulation import Run, Status
 GRAZING = 1e-9
 """How deep an event function passes zero at least, relative to its value a step before; and its
 rate, relative to the parts of that."""
+AGO, LEAP = 1e-9, 100.0
+"""How long before an event its function is looked at, relative to the time, and how many times
+farther from zero than it moves in that time it is where it leaps over zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,11 +129,21 @@ class Retraced:
     def moment(
         self, chart: CompiledChart, state: Sampling, event: int, slope: np.ndarray
     ) -> Partials:
-        """Return the Jacobian of the time of an event; slope: y' before it."""
+        """Return the Jacobian of the time of an event; slope: y' before it. Where its function
+        leaps over zero with inputs that jump, the time is theirs."""
         found, own = self._events(chart, state), slice(event, event + 1)
         y, r, p = found.y[:, own], found.r[:, own], found.p[:, own]
         parts = rates_of(found, event, slope)
         rate = parts.sum()
+        if self.leaps(chart, state, event, slope):
+            if not self.jump_at(float(state.t[0])):
+                raise LinkworkError(
+                    f"the event {self.system.events[event].name!r} at t = {state.t[0]:.9g} s leaps "
+                    "over zero with what acts, so that its time is that of another event, which is "
+                    "not known; watch for what makes it leap by a linkwork.control.Event with "
+                    "cuts=True"
+                )
+            return Partials(0 * y, 0 * r, 0 * p, found.inputs)
         if not abs(rate) > GRAZING * np.abs(parts).sum() or self.grazes(chart, state, event, rate):
             name = self.system.events[event].name
             raise LinkworkError(
@@ -138,6 +151,24 @@ class Retraced:
                 " so that its time has no derivative; differentiate a run that ends before it"
             )
         return Partials(-y / rate, -r / rate, -p / rate, found.inputs)
+
+    def leaps(self, chart: CompiledChart, state: Sampling, event: int, slope: np.ndarray) -> bool:
+        """Tell whether an event function leaps over zero together with what acts, rather than
+        passing it: a moment ago it was farther from zero than it moves in that time."""
+        ago = AGO * state.t
+        before = values(self.system.inputs, state.t - ago, from_left=True)[0]
+        u, p = np.concatenate([before, state.u[0, before.size :]]), self.system.p(chart)
+        g = self.system.kernel(chart, "events").flat(state.y[0] - ago * slope, u, p)[event]
+        moved = ago[0] * np.abs(rates_of(self._events(chart, state), event, slope)).sum()
+        return bool(abs(g) > LEAP * moved)
+
+    def jump_at(self, t: float) -> bool:
+        """Tell whether inputs may jump at a time: a signal has a break, or a controller is
+        called."""
+        sampler, times = self.system.sampler, self.system.inputs.breaks
+        if sampler is not None:
+            times = np.append(times, round(t / sampler.period) * sampler.period)
+        return bool((np.abs(times - t) <= AGO * t).any())
 
     def grazes(self, chart: CompiledChart, state: Sampling, event: int, rate: float) -> bool:
         """Tell whether an event function g hardly falls below zero before it turns back, as the

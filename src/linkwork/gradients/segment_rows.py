@@ -133,14 +133,23 @@ class SegmentRows:
 
     @cached_property
     def cuts(self) -> dict[int, int]:
-        """The rows at which steps ended at events, with the numbers of these."""
+        """The rows at which steps ended at events, with the numbers of these: those that pass zero,
+        rather than leap over it with inputs that jump, before those that leap with a law."""
         found, events = {}, self.segment.trajectory.events
         for time, event in zip(events.times, events.index, strict=True):
             row = int(np.abs(self.t - time).argmin())
             size = max(self.t[row], self.t[row] - self.t[row - 1])
-            if self.system.events[event].cuts and abs(self.t[row] - time) <= CLOSE * size:
+            if not (self.system.events[event].cuts and abs(self.t[row] - time) <= CLOSE * size):
+                continue
+            leaps = self.leaps(row, int(event))
+            if not leaps or (row not in found and not self.whole.jump_at(self.t[row])):
                 found[row] = int(event)
         return found
+
+    def leaps(self, row: int, event: int) -> bool:
+        """Tell whether an event function leaps over zero at a row."""
+        state = self.state(row, self.held[max(row - 1, 0)], from_left=True)
+        return self.whole.leaps(self.chart, state, event, self.slope_before(row))
 
     def slope(self, y: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return y' in a state, and the cost, 0 if there is none."""
