@@ -166,6 +166,23 @@ def test_a_run_ends_when_it_is_asked_to_whatever_its_charts(duration):
     assert run.time[-1] == run.attrs["final_time"] == duration
 
 
+def test_a_run_that_came_to_the_robot_s_own_rates_is_resumed_in_them():
+    """Runs of the 3-RRS start in others: in these, the same steps would have other errors."""
+    robot, step = built("rrs3"), 2.0**-9
+    start, end = robot.home.with_rates([7.3, 5.9, 0.6]), 64 * step
+    whole, half = (
+        robot.simulate(start, duration=duration, method="rk4", step=step)
+        for duration in (end + 16 * step, end)
+    )
+    assert half.attrs["final_rates"] == "motor_1, motor_2, motor_3"
+    resumed = robot.resume(half, duration=16 * step, method="rk4", step=step)
+    assert resumed.attrs["charts"] == "from 0.125 s: motor_1, motor_2, motor_3"
+    close(resumed.attrs["final_q"], whole.attrs["final_q"], 1e-11)
+    stepper = robot.stepper(half, step)
+    stepper.step(steps=16)
+    close(stepper.q, resumed.attrs["final_q"], 1e-15)
+
+
 def test_the_paper_s_robot_under_one_force_passes_its_singular_poses():
     """The work of the force is the change of energy."""
     robot = lw.Robot(prr3())

@@ -86,16 +86,14 @@ def chart_in(
     return robot.chart.anew(q, tuple(tree.index(name) for name in names), least)
 
 
-def start(robot: Model, state: State) -> tuple[CompiledChart, np.ndarray]:
+def start(robot: Model, state: State, resumed: bool = False) -> tuple[CompiledChart, np.ndarray]:
     """Return the chart in which a run from one state starts, and its rates there.
 
     A state in the home chart may start in a shorter one, if nothing is lost by that; any other
-    keeps its own.
+    keeps its own, and so does that in which a run ended that is resumed.
     """
-    own, shorter = robot.chart, robot.run_chart
-    if state.independent != robot.independent:
-        return robot.charts[state.independent], state.rates
-    if shorter is own:
+    own, shorter = robot.charts[state.independent], robot.run_chart
+    if resumed or shorter is own or state.independent != robot.independent:
         return own, state.rates
     v, kept = reread(robot, own, shorter, state.q, state.rates)
     return (shorter, v) if kept else (own, state.rates)

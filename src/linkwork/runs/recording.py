@@ -69,16 +69,13 @@ def simulate(
     start, z, pace, held, turns = left or (0.0, None, None, None, None)
     if settings.integrator.step is not None:
         pace = None
-    control = None
-    if held is not None and system.sampler:
-        control = Control(0, system.sampler.period, held)
+    sampler, settings = system.sampler, settings.saved_from(start)
+    control = Control(0, sampler.period, held) if held is not None and sampler else None
     end, besides = start + settings.duration, np.empty(0)
-    if settings.samples is not None:
-        settings = settings.saved_from(start)
-    if settings.save_at is not None and system.sampler:
-        settings, besides = called_besides(system.sampler, settings, start, end)
+    if settings.save_at is not None and sampler:
+        settings, besides = called_besides(sampler, settings, start, end)
     passage = Passage(robot, system, start, end, settings, pace, interruptible=True)
-    chart, v = chart_transfer.start(robot, state)
+    chart, v = chart_transfer.start(robot, state, left is not None)
     begun = Departure(
         chart, state.q, v, system.start(robot, state.positions, state.q, z), control, turns
     )

@@ -303,7 +303,7 @@ class Stepper:
         fixed, sampler = self._settings.integrator.step is not None, system.sampler
         control = Control(0, sampler.period, held) if held is not None and sampler else None
         passage = Endless(robot, system, time, np.inf, self._settings, None if fixed else pace)
-        chart, v = chart_transfer.start(robot, state)
+        chart, v = chart_transfer.start(robot, state, left is not None)
         z = system.start(robot, state.positions, state.q, z)
         stand = passage.departed(Departure(chart, state.q, v, z, control, turns))
         self._enter(passage, stand, passage.pace)
