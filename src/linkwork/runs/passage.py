@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from math import ceil
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
@@ -152,8 +151,7 @@ class Passage:
         if turns is not None:
             q, turns = self.turning.begun(q, turns)
         chart, v = self.faced(chart, q), np.concatenate([v, z])
-        if self.system.acting is not None:
-            control = self.system.control(chart, control)
+        control = self.system.control(chart, control)
         here, settings = (chart, self.start, q, v, turns, control), self.settings
         return Stand(*here, settings.max_steps, SOFT, self.shortest, settings.integrator)
 
@@ -240,12 +238,10 @@ class Passage:
             here = here._replace(chart=chart, t=behind.end_time, q=q, v=behind.v_end, control=None)
             return here._replace(bound=bound, short=short, over=over)
         # Nothing is better: the same chart goes on under a lower bound, down to the hard one.
-        if stand.bound > checks.PIVOT_BOUND:
-            bound = max(checks.PIVOT_BOUND, LOWER * min(stand.bound, chart.pivot(q)))
-            here = here._replace(bound=bound)
-        else:
+        if stand.bound <= checks.PIVOT_BOUND or not t < self.end:
             return None
-        return here if t < self.end else None
+        lower = LOWER * min(stand.bound, chart.pivot(q))
+        return here._replace(bound=max(checks.PIVOT_BOUND, lower))
 
     def _until(self, stand: Stand) -> float:
         """Return the time at which the segment from a stand on ends: steps of fixed length end at
@@ -253,7 +249,7 @@ class Passage:
         if stand.bound == SOFT:
             return self.end
         until, step = stand.t + stand.short, self.settings.integrator.step
-        return min(until if step is None else step * ceil(until / step - 1e-9), self.end)
+        return min(until if step is None else step * float(np.ceil(until / step - 1e-9)), self.end)
 
     def _again(
         self, stand: Stand, done: Trajectory, save_at: np.ndarray | None, row: int
@@ -336,16 +332,13 @@ class Passage:
         if self.system.sampler:
             return None
         chart, settings = stand.chart, self.settings
-        crossing = Crossing(
-            chart, self.system, CLOSURE * self.robot.size, settings.atol, settings.rtol
-        )
-        crossed = crossing.over(stand.t, stand.q, stand.v)
+        held_to = CLOSURE * self.robot.size, settings.atol, settings.rtol
+        crossing, start = Crossing(chart, self.system, *held_to), (stand.t, stand.q, stand.v)
+        crossed = crossing.over(*start)
         if crossed is None:
             return None
         trajectory = self._recorded(crossing, crossed, done)
-        return Segment(
-            chart, trajectory, (stand.t, stand.q, stand.v), stand.method.name, crossed=crossed
-        )
+        return Segment(chart, trajectory, start, stand.method.name, crossed=crossed)
 
     def _recorded(self, crossing: Crossing, crossed: Crossed, done: Trajectory) -> Trajectory:
         """Return a crossing, as far as the run goes, with what is saved and what happens on the

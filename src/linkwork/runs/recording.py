@@ -67,8 +67,7 @@ def simulate(
             "a run starts from one state, not from a stack; take one by state.at(index)"
         )
     start, z, pace, held, turns = left or (0.0, None, None, None, None)
-    if settings.integrator.step is not None:
-        pace = None
+    pace = None if settings.integrator.step else pace
     sampler, settings = system.sampler, settings.saved_from(start)
     control = Control(0, sampler.period, held) if held is not None and sampler else None
     end, besides = start + settings.duration, np.empty(0)
