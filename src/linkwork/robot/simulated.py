@@ -62,10 +62,11 @@ class Simulated(Dynamics):
             drives: of actuators, by name (`linkwork.control.DCMotor` ...); ideal ones where left
                 out.
             wrenches: external ones on bodies (`linkwork.control.Wrench`).
-            method: its name; `linkwork.simulation.METHODS` says what each is for. If left out:
-                "sharp_smart" for rtol <= 1e-6 without sampled forces or controllers, whose kinks
-                "dormand_prince" bears better; and "rodas" from where the run is stiff, as where dry
-                friction brings bodies to rest.
+            method: "sharp_smart" (7th order), "dormand_prince" (5th), "dop853" (8th, for the
+                tightest tolerances), "rodas" (for stiff systems); with a fixed step "rk4",
+                "symplectic_euler". If left out: "sharp_smart" for rtol <= 1e-6 without sampled
+                forces or controllers, whose kinks "dormand_prince" bears better; and "rodas" from
+                where the run is stiff, as where dry friction brings bodies to rest.
             step: of the methods with a fixed step [s]; they see their inputs at their own times
                 only, other methods step over nothing that varies in them.
             events: to watch for (`linkwork.control.Event`); "limits" and "singular": the run ends
