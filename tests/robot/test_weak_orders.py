@@ -7,6 +7,7 @@ the oracle's rows, and by NumPy, compared with home.
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -166,3 +167,23 @@ def test_only_poses_where_rank_is_lost_are_told_as_singular(seed):
     assert len(told) == (seed == 12)
     run = robot.simulate(start, **options, save_at=[0.0, *told])
     assert all(least(robot, q) < 1e-9 for q in run["joint_position"].values[1:])
+
+
+@pytest.mark.parametrize("beside", [-1e-2, -1e-3, -1e-4, -3e-5, 3e-5, 1e-4, 1e-3, 1e-2])
+def test_rates_near_a_weak_order_are_those_of_a_dense_solution(stewart, turned, beside):
+    """Behind a weak pivot a block is solved by cofactors, which lose its square and more."""
+    tool = stewart.tool_pose(turned[1]) + beside * np.eye(6)[5]
+    state = stewart.assemble(tool=tool, guess=turned[1]).with_rates(turned[1].rates)
+    assert abs(stewart.chart.pivot(state.q)) < 0.05
+    equations = stewart.equations
+    read = ca.Function("Phi", [equations.tree.q], [equations.rows.Phi])
+    Phi, names = np.array(read(state.q)), equations.tree.rates
+    free = [names.index(name) for name in stewart.independent]
+    held = [k for k in range(len(names)) if k not in free]
+    w = np.zeros(len(names))
+    w[free] = state.rates
+    w[held] = np.linalg.lstsq(Phi[:, held], -Phi[:, free] @ state.rates)[0]
+    found = stewart.joint_rates(state)[[stewart.rates.index(name) for name in names]]
+    np.testing.assert_allclose(found, w, rtol=1e-11, atol=1e-11)
+    forces = stewart.inverse_dynamics(state, stewart.forward_dynamics(state, FORCES))
+    np.testing.assert_allclose(forces, FORCES, rtol=1e-9, atol=1e-9)

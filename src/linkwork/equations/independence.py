@@ -34,10 +34,9 @@ def independent_rows(samples: Sequence[np.ndarray], count: int | None = None) ->
     for Phi in samples:
         found = reflect(Phi).rows
         # Of rows that depend on each other none that is about to vanish, where another is not.
-        for share in SHARES if len(found) < len(Phi) else ():
-            if len(rows := reflect(Phi, share).rows) == len(found):
-                found = rows
-                break
+        if len(found) < len(Phi):
+            others = (reflect(Phi, share).rows for share in SHARES)
+            found = next((rows for rows in others if len(rows) == len(found)), found)
         kept = max(kept, found, key=len)
         if len(kept) == len(Phi):
             break

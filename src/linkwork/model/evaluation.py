@@ -15,7 +15,7 @@ from linkwork.errors import LinkworkError
 from linkwork.model import actuation, checks, not_finite
 from linkwork.model.chart_transfer import chart_in, reread
 from linkwork.model.directly import LOOKED_AT, shaped
-from linkwork.model.reordering import evaluated
+from linkwork.model.reordering import evaluated, sure
 from linkwork.model.state import State
 from linkwork.threads import number_of
 
@@ -72,12 +72,12 @@ def dynamics(
 ) -> np.ndarray:
     """Evaluate a kernel (q, v, given) -> (..., n results, pivot); one state takes the shortest
     way."""
-    kernel, q = robot.chart_of(robot.own(state)).kernel(name), state.q
-    n = len(state.independent)
+    chart = robot.chart_of(robot.own(state))
+    kernel, q, n = chart.kernel(name), state.q, len(state.independent)
     if values.ndim == 1 and q.ndim == 1:
         y = kernel.flat(q, state.rates, values, robot.p)
         numbers = y.tolist()[-1 - n :]
-        if abs(numbers[-1]) > checks.PIVOT_BOUND and isfinite(sum(numbers)):
+        if abs(numbers[-1]) > sure(chart.key) and isfinite(sum(numbers)):
             return y[-1 - n : -1]
     else:
         checks.together(state.batch, values.shape[:-1])

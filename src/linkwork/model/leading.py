@@ -32,6 +32,7 @@ STARTS, ITERATIONS = 48, 40  # random configurations, and Newton's steps from ea
 PARTS = 64  # of what is asked that are solved at a time from random configurations
 
 Found = tuple[np.ndarray, np.ndarray, np.ndarray]
+Told = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,21 +129,19 @@ class Leader:
         start: np.ndarray | None = None,
     ) -> Found:
         """Return q (K, nq), where it is closed with frames that face each other (K), and where on a
-        mode, that of a start (nq) or of several (K, nq), too (K)."""
+        mode, that of others (K, nq) if given, too (K)."""
         rounds = NEWTON if contracting else ITERATIONS
         found = closed(step, q, given, rounds, contracting=contracting)
         return found.q, *self.told(found, mode, start)
 
-    def told(
-        self, found: Closed, mode: np.ndarray, start: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def told(self, found: Closed, mode: np.ndarray, start: np.ndarray | None = None) -> Told:
         """Return where loops are closed with frames that face each other (K), and where on a mode,
-        that of a start (nq) or of several (K, nq), too (K)."""
+        that of others (K, nq) if given, too (K)."""
         alignment, parts = found.told
         good = found.met & (alignment >= 0)
         if start is None or not self.modes.spared:
             return good, good & same(self.modes.told(parts), mode)
-        return good, good & self.alike(np.atleast_2d(start), found.q)
+        return good, good & self.alike(start, found.q)
 
     def walked(
         self,
@@ -179,8 +178,8 @@ class Leader:
         q, there = near.copy(), np.zeros(len(y), bool)
         for begin in (near, np.tile(start, (len(y), 1))):
             left = np.flatnonzero(~there)
-            given = begin[left], (y[left],), mode
-            found, _, there[left] = self.closed(self.step, *given, False, begin[left])
+            first, given = begin[left], (y[left],)
+            found, _, there[left] = self.closed(self.step, first, given, mode, False, first)
             there[left[there[left]]] = self.on_side(found[there[left]], start, mode)
             q[left[there[left]]] = found[there[left]]
         left = np.flatnonzero(~there)
@@ -252,7 +251,7 @@ class Leader:
             if there:
                 return near
         # Shortened steps, then any from random configurations.
-        refusal, elsewhere = None, False
+        refusal, elsewhere, known = None, False, near if self.modes.spared else start
         for begin in (near, start) if self.strict else (start,):
             try:
                 q = self.assembler.at(self.least, y, begin)
@@ -260,7 +259,7 @@ class Leader:
                 refusal = refusal or error
                 continue
             if not self.strict or (
-                self.fits(q, mode, near) and self.on_side(q[None], start, mode)[0]
+                self.keeps(np.stack([known, q]))[1] and self.on_side(q[None], start, mode)[0]
             ):
                 return q
             elsewhere = True
@@ -283,14 +282,7 @@ class Leader:
         """Tell which configurations (N, nq) of a motion are on the mode of the first one (N)."""
         if self.modes.spared:
             return np.logical_and.accumulate(self.alike(q[[0, *range(len(q) - 1)]], q))
-        signs = self.signs(q)
-        return same(signs, signs[0])
-
-    def fits(self, q: np.ndarray, mode: np.ndarray, start: np.ndarray) -> bool:
-        """Tell whether a configuration (nq) is on a mode, that of a start (nq)."""
-        if self.modes.spared:
-            return bool(self.alike(start[None], q[None])[0])
-        return bool(same(self.signs(q[None]), mode)[0])
+        return same(signs := self.signs(q), signs[0])
 
     def alike(self, q: np.ndarray, other: np.ndarray) -> np.ndarray:
         """Tell which configurations are on the mode of others (K, nq), by all rows."""

@@ -13,7 +13,6 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
@@ -23,9 +22,8 @@ from numba import njit, types
 from numba.core import event
 from numba.core.caching import IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler, CompileResult
+from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import AnalysisPass, register_pass
-from numba.core.cpu import CPUContext
 from numba.core.dispatcher import Dispatcher
 from numba.core.imputils import lower_builtin
 from numba.core.registry import cpu_target
@@ -198,16 +196,11 @@ def _dispatcher(function: Callable) -> Dispatcher:
     cache: Any = dispatcher._cache  # pyright: ignore[reportAttributeAccessIssue]
     names = f"{cache._impl.filename_base}.{machine_digest()}"
     cache._cache_file = IndexDataCacheFile(cache.cache_path, names, fingerprint(function))
-    cache.load_overload = partial(_loaded, cache)
+    # What is kept needs Numba's runtime alone: half a second is saved of reading in all that Numba
+    # compiles with.
+    rtsys.initialize(cpu_target.target_context)
+    cache.load_overload = cache._load_overload
     return dispatcher
-
-
-def _loaded(cache: Any, signature: object, context: CPUContext) -> CompileResult | None:
-    """Return what is kept, for which Numba's runtime is enough: half a second is saved of reading
-    in all that Numba compiles with."""
-    rtsys.initialize(context)
-    with cache._guard_against_spurious_io_errors():
-        return cache._load_overload(signature, context)
 
 
 def machine_digest() -> str:
