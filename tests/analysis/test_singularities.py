@@ -190,6 +190,29 @@ def test_along_a_motion_crossings_and_distances_are_told():
     assert told.tool_distance.attrs["units"] == "m"
 
 
+def test_a_row_that_vanishes_in_vain_is_no_crossing_and_a_stretched_leg_is_one():
+    """The links of a Tripteron's leg turn by more than 90 deg together, where a row of its last
+    hinge vanishes; then a leg passes its stretched pose, at the elbow's -90 deg."""
+    robot, turned = built("tripteron"), [built("tripteron").home]
+    for part in np.linspace(0, 1, 21)[1:]:
+        pose = part * np.array([-0.16, 0.25, -0.34])
+        turned.append(robot.assemble(tool=pose, guess=turned[-1]))
+    assert turned[-1]["root_2"] + turned[-1]["elbow_2"] > np.pi / 2
+    told = along(robot, robot.state(np.array([state.positions for state in turned])))
+    assert told.crossings.size == told.leg_crossings.size == 0
+    np.testing.assert_allclose(told.det_A, told.det_B)
+    last = along(robot, robot.state(turned[-1].positions[None]))
+    np.testing.assert_allclose(last.det_B, told.det_B[-1:])
+    assert told.actuator_distance[-1] > 0.03
+    elbow, bent = np.linspace(-1.3, -1.8, 21), [robot.home]
+    for angle in [-0.5, -1.0, *elbow]:
+        asked = {"elbow_1": angle, "slide_1": 0.0, "slide_2": 0.05}
+        bent.append(robot.assemble(asked, guess=bent[-1]))
+    told = along(robot, robot.state(np.array([state.positions for state in bent[3:]])))
+    at = np.interp(told.leg_crossings, np.arange(21), elbow)
+    np.testing.assert_allclose(at, [-np.pi / 2], atol=2e-3)
+
+
 @pytest.mark.parametrize("first", [0, 3])
 def test_ways_are_told_in_radians_where_all_coordinates_turn(first):
     """A wrist has turns alone; a hinge on a Tripteron turns where others slide, in any order."""

@@ -179,6 +179,20 @@ def test_spatial_robots_map_volumes():
     assert inscribed(mapped)[1] > 0.2
 
 
+def test_a_tripteron_reaches_what_all_its_legs_reach_where_rows_that_depend_on_others_vanish():
+    """Leg i reaches what is nearer to its root, in the plane across its slide, than it is long; a
+    row of its last hinge vanishes where its two links have turned by 90 deg together."""
+    axis = np.linspace(-0.34, 0.34, 6)
+    mapped = workspace(built("tripteron"), dict.fromkeys("xyz", axis))
+    across = 0.3 + np.stack(np.meshgrid(axis, axis, axis, indexing="ij"))
+    legs = np.hypot(across, np.roll(across, -1, axis=0)) < 0.6
+    np.testing.assert_array_equal(mapped.reachable, legs.all(axis=0))
+    # Its tool moves as its slides do: both determinants are alike, and none changes its sign.
+    reached = mapped.reachable.values
+    np.testing.assert_allclose(mapped.det_A.values[reached], mapped.det_B.values[reached])
+    assert (mapped.det_B.values[reached] > 0).all()
+
+
 def test_the_edge_is_the_ring():
     mapped = workspace(arm(), plane(201, (-1.7, -1.7), (1.7, 1.7)))
     radii = np.concatenate([np.hypot(*line.T) for line in loci(mapped, "reachable", 0.5)])

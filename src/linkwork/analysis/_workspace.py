@@ -7,7 +7,9 @@ the working mode: where the determinants of the inverse problem's stages have th
 have at the guess (`square`). So the boundary is drawn by the determinants, not by where Newton's
 method happens to end. Legs that are coupled make one stage, whose sign does not tell all branches
 (an arm's elbow and shoulder both turned over): there the poses count that straight ways from the
-guess and from neighbour to neighbour lead to (`grid_branches`).
+guess and from neighbour to neighbour lead to (`grid_branches`). Where rows of the loops depend on
+each other one that is kept may vanish in vain: ways are led and determinants told by all rows then
+(`all_rows`).
 
     conditioning        1 / cond K, between lengths over time (`jacobians`): 0 singular, 1 isotropic
     isotropic velocity  min_i rate_i / |row i of K|      what the tool reaches in every direction,
@@ -33,6 +35,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.analysis._jacobians import Jacobians, jacobians
+from linkwork.analysis.all_rows import determinants as by_all_rows
+from linkwork.analysis.all_rows import led, sign_at, sizes, spared
 from linkwork.analysis.grid_branches import GridBranch, actuated, tells_all
 from linkwork.analysis.newton import CHUNK, Solver, in_threads, solver
 from linkwork.analysis.singular_values import singular_values
@@ -41,7 +45,7 @@ from linkwork.equations.algebra import wrapped
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.limits import limited
 from linkwork.mechanism.task import unit
-from linkwork.model import checks
+from linkwork.model import checks, task
 from linkwork.model.evaluation import of_actuators
 from linkwork.model.posing import start_of
 from linkwork.patience import announced
@@ -115,6 +119,7 @@ def workspace(
     return dataset(
         J,
         poses,
+        start,
         q,
         good,
         positive(robot, rates, "rates"),
@@ -168,13 +173,11 @@ def reach(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return configurations (N, nq) at the poses, and which of these are reached on the working
     mode of the start (N)."""
+    every = spared(J)
     determinants = problem.verdict(start, poses.values[0])[1]
-    if np.abs(determinants).min(initial=np.inf) < SINGULAR:
-        raise LinkworkError(
-            "the guess is leg-singular, where working modes meet; give a guess on one of them"
-        )
+    require_regular(sizes(J, J.inverse, start) if every else determinants)
     mode = np.sign(determinants)
-    if tells_all(J):
+    if tells_all(J) and not every:
         q, good = problem.solve(start, poses.values, FAR, mode)
         spread(poses, q, good, lambda q, _, end: problem.solve(q, end, NEAR, mode))
         return q, good
@@ -183,7 +186,21 @@ def reach(
     q, good = branch.begun(start, poses.values)
     for step in (partial(branch.walked, finest=COARSE), branch.walked_where_met):
         spread(poses, q, good, step)
+    # A row that is kept may vanish in vain, and bar ways that the tool is led on by all rows.
+    if every:
+        left, here = np.flatnonzero(~good), task.values(J.robot, start, J.task)
+        begin, there = (np.tile(one, (left.size, 1)) for one in (start, here))
+        q[left], good[left] = led(J, begin, there, poses.values[left])
+        spread(poses, q, good, partial(led, J))
     return q, good
+
+
+def require_regular(determinants: np.ndarray) -> None:
+    """Refuse a guess where working modes meet."""
+    if np.abs(determinants).min(initial=np.inf) < SINGULAR:
+        raise LinkworkError(
+            "the guess is leg-singular, where working modes meet; give a guess on one of them"
+        )
 
 
 def spread(poses: Poses, q: np.ndarray, good: np.ndarray, step: Step) -> None:
@@ -270,6 +287,7 @@ def positive(
 def dataset(
     J: Jacobians,
     poses: Poses,
+    start: np.ndarray,
     q: np.ndarray,
     good: np.ndarray,
     rates: np.ndarray | None,
@@ -283,6 +301,10 @@ def dataset(
     robot, scale = J.robot, J.characteristic_length if length is None else length
     reached = np.flatnonzero(good)
     values = measured(J, q[reached], rates, forces, scale)
+    if spared(J):  # all that is reached is on the side of the guess
+        sign = np.full(reached.size, sign_at(J, start))
+        kept = values["det_B"], values["det_A"]
+        values["det_B"], values["det_A"] = by_all_rows(J, q[reached], *kept, sign)
     variables = {
         "reachable": (
             poses.dims,

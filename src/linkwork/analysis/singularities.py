@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from linkwork.analysis import all_rows
 from linkwork.analysis._jacobians import Jacobians, jacobians, of_actuators, stacked_rows
 from linkwork.analysis._workspace import require_workspace
 from linkwork.analysis.singular_values import singular_values
@@ -225,7 +226,13 @@ def distances(made: Jacobians, q: np.ndarray, length: float | None) -> dict[str,
     (N, nq)."""
     K, _, det_B, det_A = made(q)
     sigma = singular_values(made.homogeneous(K, length))
-    slope_A, slope_B = made.robot.once(determinant_slopes, made)(q)
+    if all_rows.spared(made):
+        signs = all_rows.signs_along(made, q)
+        det_B, det_A = all_rows.determinants(made, q, det_B, det_A, signs)
+        slope_A = all_rows.slopes(made, made.direct, made.inverse, q)
+        slope_B = all_rows.slopes(made, made.inverse, made.direct, q)
+    else:
+        slope_A, slope_B = made.robot.once(determinant_slopes, made)(q)
     x_scale, q_scale = made.lengths(length)
     with np.errstate(divide="ignore", invalid="ignore"):
         return {

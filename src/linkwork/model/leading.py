@@ -153,8 +153,9 @@ class Leader:
         first: float = 1.0,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return how far the straight ways `which` (K) lead by some steps: q (K, nq), and which to
-        their ends (K); first: the part of them that is tried at first."""
-        q, going = np.tile(start, (which.size, 1)), np.arange(which.size)
+        their ends (K), from one start (nq) or several (K, nq); first: the part that is tried first.
+        """
+        q, going = np.resize(start, (which.size, start.shape[-1])), np.arange(which.size)
         part, length = np.zeros(which.size), np.full(which.size, first)
         for _ in range(ROUNDS):
             if not going.size:
