@@ -92,8 +92,10 @@ def start(robot: Model, state: State, resumed: bool = False) -> tuple[CompiledCh
     A state in the home chart may start in a shorter one, if nothing is lost by that; any other
     keeps its own, and so does that in which a run ended that is resumed.
     """
-    own, shorter = robot.charts[state.independent], robot.run_chart
-    if resumed or shorter is own or state.independent != robot.independent:
+    own, shorter = robot.chart, robot.run_chart
+    if state.independent != robot.independent:
+        return robot.charts[state.independent], state.rates
+    if resumed or shorter is own:
         return own, state.rates
     v, kept = reread(robot, own, shorter, state.q, state.rates)
     return (shorter, v) if kept else (own, state.rates)

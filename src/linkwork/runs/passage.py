@@ -151,7 +151,8 @@ class Passage:
         if turns is not None:
             q, turns = self.turning.begun(q, turns)
         chart, v = self.faced(chart, q), np.concatenate([v, z])
-        control = self.system.control(chart, control)
+        if self.system.acting is not None:
+            control = self.system.control(chart, control)
         here, settings = (chart, self.start, q, v, turns, control), self.settings
         return Stand(*here, settings.max_steps, SOFT, self.shortest, settings.integrator)
 

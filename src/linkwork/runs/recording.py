@@ -68,9 +68,10 @@ def simulate(
         )
     start, z, pace, held, turns = left or (0.0, None, None, None, None)
     pace = None if settings.integrator.step else pace
-    sampler, settings = system.sampler, settings.saved_from(start)
+    sampler, end, besides = system.sampler, start + settings.duration, np.empty(0)
+    if settings.samples is not None:
+        settings = settings.saved_from(start)
     control = Control(0, sampler.period, held) if held is not None and sampler else None
-    end, besides = start + settings.duration, np.empty(0)
     if settings.save_at is not None and sampler:
         settings, besides = called_besides(sampler, settings, start, end)
     passage = Passage(robot, system, start, end, settings, pace, interruptible=True)
