@@ -136,6 +136,29 @@ def test_models_attached_in_one_another_and_referred_to_by_name(tmp_path):
     assert "p_toe_h" in load(path).mechanism.joints
 
 
+THROUGH = {
+    "by its own name": ('<joint name="jo"/>', ATTACHED["body"]),
+    "by the name with the prefix": ('<joint name="p_jo"/><site name="jo"/>', ATTACHED["body"]),
+    "through another one": (
+        "",
+        '<attach model="leg" body="out" prefix="p_"/><attach model="leg" body="a" prefix="p_"/>',
+    ),
+}
+
+
+@pytest.mark.parametrize("case", THROUGH)
+def test_a_tendon_goes_on_through_what_stands_before(case, tmp_path):
+    """As MuJoCo looks for its parts: with the prefix, then, if another one has it, without."""
+    joint, attached = THROUGH[case]
+    leg = LEG.replace('<fixed name="to">', '<fixed name="to" stiffness="9" springlength="0.3">')
+    leg = leg.replace('<asset><mesh file="tip.obj"/></asset>', "")
+    leg = leg.replace('<geom type="mesh" mesh="tip"/>', "")
+    arm = f'<body name="arm">{joint}<geom size="0.2" pos="0.3 0 0"/></body>' if joint else ""
+    path = written(tmp_path, arm + attached, leg=leg)
+    assert "p_to" in load(path).mechanism.transmissions
+    assert difference(path) < 1e-9
+
+
 def test_what_is_not_attached_is_noted(tmp_path):
     leg = LEG.replace("<asset>", '<option gravity="0 0 -1"/><asset>')
     leg = leg.replace("</mujoco>", '<keyframe><key name="home" qpos="0 0 0"/></keyframe></mujoco>')

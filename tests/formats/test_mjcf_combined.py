@@ -67,6 +67,16 @@ SAME = {
         "flags": '<flag clampctrl="disable"/>',
         "actuators": '<motor joint="j" ctrlrange="-0.1 0.1"/>',
     },
+    "a range that is the joint's, after what a class says": {
+        "default": '<position ctrlrange="-1 1"/>',
+        "actuators": '<position joint="j" kp="5" inheritrange="0.1"/>',
+    },
+    "ranges of a general servo and of one along a tendon": {
+        "more": '<tendon><fixed name="t" range="-1 1" limited="false"><joint joint="j" coef="2"/>\
+</fixed></tendon>',
+        "actuators": '<position tendon="t" kp="5" inheritrange="0.2"/><general joint="j" \
+gainprm="4" biastype="affine" biasprm="0 -4" ctrlrange="-1 1" inheritrange="0.1"/>',
+    },
     "a fluid on a body of bounds": {
         "compiler": 'boundmass="0.2" boundinertia="0.004"',
         "option": 'density="40" viscosity="0.2"',

@@ -3,7 +3,9 @@
 A body, a frame or all that is in the world of another model, an asset of this one, stands in the
 place of <attach>, with the prefix before all its names. A body or frame keeps the class that its
 own model gives to what is in it, not the frames around it. Tendons, equalities and actuators of
-the other model come with it, behind those that are there, if all that they refer to is attached.
+the other model come with it, behind those that are there, if all that they refer to is attached, or
+stands before under the same name with the prefix. A tendon that has a part which is attached goes
+on through what stands before without the prefix, too.
 """
 
 from __future__ import annotations
@@ -14,7 +16,14 @@ from pathlib import PurePosixPath
 
 from linkwork.formats import xml
 from linkwork.formats.mjcf.options import taken_over
-from linkwork.formats.mjcf.replicas import KINDS, REFERENCES, Known, every, references
+from linkwork.formats.mjcf.replicas import (
+    KINDS,
+    REFERENCES,
+    REPLICATE,
+    Known,
+    every,
+    references,
+)
 from linkwork.formats.xml import Element
 
 ATTACH = "attach"
@@ -23,6 +32,7 @@ SECTIONS = ("tendon", "equality", "actuator")  # those of tendons before those t
 CARRIED = ("asset", "default", "contact", "sensor", "deformable", "extension")
 """Sections that come whole: their elements are used by name, or noted."""
 NAMES = {"name", "mesh", "material", "hfield", "texture", *REFERENCES}
+PATHS = ("fixed", "spatial")
 CHILDREN = "childclass"
 UNTIED = "is left out, as MuJoCo does: not all that it refers to is attached"
 
@@ -47,6 +57,7 @@ class AttachmentWriter:
     models: by their names
     sections: what comes with the bodies
     remarks: on what is left out
+    before: what stands before in the document
     """
 
     root: Element
@@ -54,6 +65,7 @@ class AttachmentWriter:
     models: dict[str, Attachable | None] = field(default_factory=dict)
     sections: list[Element] = field(default_factory=list)
     remarks: list[Remark] = field(default_factory=list)
+    before: Known = field(default_factory=dict)
     count: int = 0
 
     def written(self) -> Element:
@@ -73,10 +85,16 @@ class AttachmentWriter:
     def within(self, element: Element, depth: int) -> Element:
         """Return an element with what is attached in it; depth: of elements around what it
         holds."""
+        _called(element, self.before)
+        copied = element.tag == REPLICATE
+        around = {kind: {*names} for kind, names in self.before.items()} if copied else {}
         inside = [
             self.attached(child, depth) if child.tag == ATTACH else self.within(child, depth + 1)
             for child in element.children
         ]
+        # What is copied has other names behind its <replicate>.
+        if copied:
+            self.before = around
         return replace(element, children=inside)
 
     def attached(self, element: Element, depth: int) -> Element:
@@ -95,20 +113,19 @@ class AttachmentWriter:
         if "body" in element.attributes and "frame" in element.attributes:
             raise element.refusal("names a body and a frame; keep one of them")
         inside, childclass = self.chosen(element, model)
-        # Its names; MuJoCo knows the world by its own name everywhere.
+        # Its names.
         known: Known = {"body": {WORLD}}
         for part in (part for child in inside for part in every(child)):
             self.count += 1
-            if part.tag in KINDS and "name" in part.attributes:
-                known.setdefault(KINDS[part.tag], set()).add(part.attributes["name"])
+            _called(part, known)
         if self.count > xml.MOST:
             raise element.refusal(
                 f"makes more than {xml.MOST} elements, with the others; a mechanism has fewer"
             )
         # What comes with it.
         carried = [section for section in model.root.children if section.tag in CARRIED]
-        carried += self.referring(model.root, known)
         self.sections += [prefixed(section, prefix, 1) for section in carried]
+        self.sections += self.referring(model.root, known, prefix)
         so_far = replace(self.root, children=[*self.root.children, *self.sections])
         self.sections += taken_over(so_far, model.root)
         return replace(
@@ -137,22 +154,50 @@ class AttachmentWriter:
             f"there is no {kind} {xml.shortened(name)} in that model; give the name of one"
         )
 
-    def referring(self, root: Element, known: Known) -> Iterator[Element]:
-        """Yield the sections of a model with what refers only to what is known."""
-        known = {kind: {*names} for kind, names in known.items()}
+    def referring(self, root: Element, known: Known, prefix: str) -> Iterator[Element]:
+        """Yield the sections of a model with what refers only to what is there, the names with the
+        prefix; known: what is attached, without it."""
+        there = self.before
+        for kind, names in known.items():
+            there.setdefault(kind, set()).update(map(prefix.__add__, names))
+        there["body"].add(WORLD)  # by its own name everywhere
         for tag in SECTIONS:
             for section in root.each(tag):
-                kept: list[Element] = []
-                for child in section.children:
-                    ties = [pair for part in every(child) for pair in references(part)]
-                    if all(name in known.get(kind, ()) for kind, name in ties):
-                        kept.append(child)
-                    else:
-                        self.remarks.append((child, UNTIED, False))
+                kept = [(child, _carried(child, prefix, there)) for child in section.children]
+                self.remarks += [(child, UNTIED, False) for child, made in kept if made is None]
+                children = [made for _, made in kept if made is not None]
                 if tag == "tendon":
-                    called = (child.attributes.get("name", "") for child in kept)
-                    known.setdefault("tendon", set()).update(called)
-                yield replace(section, children=kept)
+                    names = (child.attributes.get("name", "") for child in children)
+                    there.setdefault("tendon", set()).update(names)
+                yield replace(section, children=children)
+
+
+def _called(element: Element, names: Known) -> None:
+    """Add the name of an element that others may refer to."""
+    if element.tag in KINDS and "name" in element.attributes:
+        names.setdefault(KINDS[element.tag], set()).add(element.attributes["name"])
+
+
+def _carried(element: Element, prefix: str, there: Known) -> Element | None:
+    """Return a tendon, equality or actuator that is attached, or None where it is left out."""
+    made = prefixed(element, prefix, 2)
+    if element.tag not in PATHS:
+        return made if all(_stands(part, there) for part in every(made)) else None
+    # Parts of a tendon are looked for with the prefix, then without it; one at least has it.
+    both = zip(made.children, element.children, strict=True)
+    parts = [part if _stands(part, there) else own for part, own in both]
+    named = [
+        part is not own
+        for part, own in zip(parts, element.children, strict=True)
+        if [*references(own)]
+    ]
+    if not any(named) or not all(_stands(part, there) for part in parts):
+        return None
+    return replace(made, children=parts)
+
+
+def _stands(element: Element, there: Known) -> bool:
+    return all(name in there.get(kind, ()) for kind, name in references(element))
 
 
 def inheriting(element: Element, childclass: str) -> Iterator[tuple[Element, str]]:

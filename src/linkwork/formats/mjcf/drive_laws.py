@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from typing import TypeAlias
 
 import numpy as np
@@ -22,7 +23,7 @@ from linkwork.formats.mjcf.inertia import FREEDOMS, along, inertia, mobility, mo
 from linkwork.formats.mjcf.joints import Joints
 from linkwork.formats.mjcf.laws import MUSCLE
 from linkwork.formats.mjcf.motors import MotorLaw, motor_law
-from linkwork.formats.mjcf.presets import area, first
+from linkwork.formats.mjcf.presets import GENERAL, area, first
 from linkwork.formats.mjcf.tree import ModelTree, Piece
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
@@ -38,6 +39,10 @@ PLAIN = "is taken as a plain actuator: its control law is left out, the force is
 Numbers = dict[str, float | str]
 Between: TypeAlias = SliderCrank | Displacement | Thrust
 ActedAlong: TypeAlias = Combination | Cable | Between
+
+HEIRS = {"position": "command", "pid": "command", "intvelocity": "activation"}
+HEIRS_BY_DYNAMICS = {"none": "command", "filterexact": "command", "integrator": "activation"}
+"""What the range of a joint bounds (inheritrange)."""
 
 
 @dataclass
@@ -205,21 +210,34 @@ class DriveReader:
         name = f"{key}range"
         if (limited or key) == "ctrl" and "clampctrl" in self.document.off:
             return {}
+        inherited = self._inherited(element, what)
+        if inherited:
+            return (
+                inherited if element.attributes.get(f"{limited or key}limited") != "false" else {}
+            )
         if not self.document.is_limited(element, name, f"{limited or key}limited"):
-            return self._inherited(element, what)
+            return {}
         least, largest = element.numbers(name, (2,), (0.0, 0.0))
         return {f"least_{what}": least, f"largest_{what}": largest}
 
     def _inherited(self, element: Element, what: str) -> Numbers:
-        """Return the bounds of a position or its integral that a joint's range gives."""
+        """Return the bounds of a position or its integral that the range of a joint or tendon
+        gives."""
         inherits = element.number("inheritrange", 0.0)
-        wanted = {"position": "command", "intvelocity": "activation"}.get(element.tag)
+        wanted = HEIRS.get(element.tag)
+        if element.tag == GENERAL and _follows(element):
+            wanted = HEIRS_BY_DYNAMICS.get(element.attributes.get("dyntype", "none"))
         piece = self.pieces.get(element.attributes.get("joint", ""))
-        if not inherits or what != wanted or piece is None or piece.limits.lower is None:
+        tendon = self.tendon_elements.get(element.attributes.get("tendon", ""))
+        target = piece.element if piece else tendon
+        if not inherits or what != wanted or target is None or "range" not in target.attributes:
             return {}
-        lower, upper = piece.limits.lower, piece.limits.upper
-        if upper is None:
-            return {}
+        lower, upper = target.numbers("range", (2,), most=inf)
+        # The numbers of a range that is no limit are taken as they stand, as MuJoCo does.
+        limited = "limit" in self.document.off or self.document.is_limited(target)
+        if piece and piece.kind == "hinge" and limited:
+            compiler = self.document.compiler_of(target)
+            lower, upper = compiler.angle(lower), compiler.angle(upper)
         middle, half = (lower + upper) / 2, inherits * (upper - lower) / 2
         return {f"least_{what}": middle - half, f"largest_{what}": middle + half}
 
@@ -337,3 +355,10 @@ def servo(gain: np.ndarray, bias: np.ndarray, gear: float) -> Numbers:
     }
     neutral = {"gain": 1.0, "gear": 1.0}
     return {k: v for k, v in numbers.items() if v != neutral.get(k, 0.0)}
+
+
+def _follows(element: Element) -> bool:
+    """Tell whether a general actuator is a servo of the position that it is told."""
+    kinds = (element.attributes.get(key) for key in ("gaintype", "biastype"))
+    pull, back = first(element, "gainprm", 1, (1.0,))[0], first(element, "biasprm", 2)[1]
+    return [*kinds] in ([None, "affine"], ["fixed", "affine"]) and pull == -back

@@ -43,6 +43,8 @@ SHORT = {
 """The words of each kind of actuator for its law."""
 LAWS = {PRESET, *LAW, *(word for words in SHORT.values() for word in words)}
 INSTEAD = {"kv": "dampratio", "dampratio": "kv", "area": "diameter"}
+RANGES = {"position": "ctrlrange", "pid": "ctrlrange", "intvelocity": "actrange"}
+"""The range that is given, or is that of the joint by inheritrange: the last word holds."""
 FIXED = ("position", "intvelocity", "velocity", "cylinder")
 
 Attributes = Mapping[str, str]
@@ -70,6 +72,10 @@ def of_actuator(element: Element, states: Sequence[Attributes]) -> dict[str, str
         law = next((each for each in found if each is not None), {})
     law = {key: value for key, value in law.items() if INSTEAD.get(key) not in own}
     common = {key: value for key, value in known.items() if key not in LAWS}
+    if "inheritrange" in own:
+        common.pop(RANGES.get(tag, ""), None)
+    elif RANGES.get(tag) in own:
+        law.pop("inheritrange", None)
     made = joined(common | law, own) | {PRESET: tag}
     # A muscle stays one whatever is said beside its law.
     if tag == GENERAL and known.get(PRESET) == "muscle" and not {*LAW} & {*own}:
