@@ -87,6 +87,9 @@ def test_files_are_included_from_stated_folders_alone(tmp_path):
         mechanism = load(path, includes=tmp_path / "shared").mechanism
         assert mechanism.coordinates == ("j",)
     assert np.isclose(mechanism.bodies["b"].mass, 4 / 3 * np.pi)
+    # Those of the model's own folder come first, as they do without stated ones.
+    (tmp_path / "robots" / "part.xml").write_text(part.replace('"j"', '"own"'))
+    assert load(path, includes=tmp_path / "shared").mechanism.coordinates == ("own",)
     with pytest.raises(lw.LinkworkError, match="which is no folder"):
         load(path, includes=tmp_path / "nowhere")
 

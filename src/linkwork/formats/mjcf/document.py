@@ -439,12 +439,11 @@ def _path_of(element: Element, name: str, allowed: Sequence[Path]) -> Path | Non
     """Return the path of a file that an element names, or None where it lies outside the folders
     that are allowed, the model's own first."""
     try:
-        path = (allowed[0] / name).resolve()
+        paths = [(folder / name).resolve() for folder in allowed]
     except (OSError, ValueError):
         raise element.refusal(f"file {xml.shortened(name)} is no path") from None
-    inside = [folder / name for folder in allowed[1:]]
-    path = next((each.resolve() for each in inside if each.is_file()), path)
-    return path if any(path.is_relative_to(folder) for folder in allowed) else None
+    inside = [path for path in paths if any(path.is_relative_to(folder) for folder in allowed)]
+    return next((path for path in inside if path.is_file()), inside[0] if inside else None)
 
 
 class _Including:
