@@ -77,6 +77,23 @@ SAME = {
         "actuators": '<position tendon="t" kp="5" inheritrange="0.2"/><general joint="j" \
 gainprm="4" biastype="affine" biasprm="0 -4" ctrlrange="-1 1" inheritrange="0.1"/>',
     },
+    "motors after what a class says of them": {
+        "default": '<dcmotor nominal="12 3 20"/>',
+        "actuators": '<dcmotor joint="j" motorconst="0.5"/><dcmotor joint="k" nominal="6"/>',
+    },
+    "a controller of which a class gives the damping": {
+        "default": '<dcmotor nominal="12 3 20" input="pos" controller="3 0 0.5"/>',
+        "actuators": '<dcmotor joint="j" controller="4"/>',
+    },
+    "a motor whose nominal point fills in what its class leaves out": {
+        "default": '<dcmotor motorconst="1" resistance="3"/>',
+        "actuators": '<dcmotor joint="j" nominal="12 3 20"/>',
+    },
+    "a muscle after the numbers of a general one": {
+        "default": '<general gaintype="muscle" gainprm="0.7 1.1 5 200 0.4 1.7 1.4 1.2 1.3" \
+dynprm="0.1 0.2"/>',
+        "actuators": '<muscle joint="j" lengthrange="-1 1" vmax="2"/>',
+    },
     "a fluid on a body of bounds": {
         "compiler": 'boundmass="0.2" boundinertia="0.004"',
         "option": 'density="40" viscosity="0.2"',

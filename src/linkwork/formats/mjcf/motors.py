@@ -15,10 +15,10 @@ note on DC motors (doc/dcmotor).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import sqrt
 
 import numpy as np
 
+from linkwork.formats.mjcf.presets import motor_constants
 from linkwork.formats.xml import Element
 
 KEPT = ("ki", "slewmax")  # of pid, what adds states
@@ -98,16 +98,11 @@ def _commanded(element: Element, tokens: list[str], kp: float, kv: float) -> Mot
 
 
 def _constants(element: Element) -> tuple[float, float]:
-    """Return K and R of a motor, from its constants, or from the voltage, stall torque and no-load
-    speed of its nominal point, which say what is not given otherwise."""
-    of_torque, of_speed = _several(element, "motorconst", 2)
-    voltage, stall, speed = _several(element, "nominal", 3)
-    given = (of_torque, of_speed or (voltage / speed if speed else 0.0))
-    constants = [each for each in given if each > 0]
-    if not constants or min(of_torque, of_speed) < 0:
+    """Return K and R of a motor."""
+    given = [*_several(element, "motorconst", 2), *_several(element, "nominal", 3)]
+    K, R = motor_constants(element)
+    if K <= 0 or min(given[:2]) < 0:
         raise element.refusal("has no motor constant above 0; give motorconst, or all of nominal")
-    K = sqrt(constants[0] * constants[-1])
-    R = element.number("resistance", 0.0) or (K * voltage / stall if stall else 0.0)
     if R <= 0:
         raise element.refusal("has no resistance above 0; give resistance, or all of nominal")
     return K, R

@@ -10,12 +10,13 @@ Source: the MJCF reference of MuJoCo 4, and what its compiler makes of nested de
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import pi
+from math import pi, sqrt
 
 from linkwork.formats.xml import Element
 
 PARTIAL = (
     "size", "fluidcoef", "stiffness", "damping", "gear", "gainprm", "biasprm", "dynprm",
+    "controller",
 )  # fmt: skip
 """Attributes whose numbers replace as many of those of the class."""
 GENERAL, PRESET = "general", "preset"
@@ -41,10 +42,12 @@ SHORT = {
     "adhesion": ("gain",),
 }  # fmt: skip
 """The words of each kind of actuator for its law."""
+OF_MUSCLES = SHORT["muscle"][3:]  # in their order in gainprm, after the range
 LAWS = {PRESET, *LAW, *(word for words in SHORT.values() for word in words)}
 INSTEAD = {"kv": "dampratio", "dampratio": "kv", "area": "diameter"}
 RANGES = {"position": "ctrlrange", "pid": "ctrlrange", "intvelocity": "actrange"}
 """The range that is given, or is that of the joint by inheritrange: the last word holds."""
+CONSTANTS = ("motorconst", "resistance", "nominal")  # of a dcmotor
 FIXED = ("position", "intvelocity", "velocity", "cylinder")
 
 Attributes = Mapping[str, str]
@@ -76,6 +79,12 @@ def of_actuator(element: Element, states: Sequence[Attributes]) -> dict[str, str
         common.pop(RANGES.get(tag, ""), None)
     elif RANGES.get(tag) in own:
         law.pop("inheritrange", None)
+    # A class of motors gives K and R, whatever it says them by.
+    if tag == "dcmotor" and {*CONSTANTS} & {*own}:
+        constants = motor_constants(element.with_attributes(dict(law)))
+        if min(constants) > 0:
+            law = {key: value for key, value in law.items() if key not in CONSTANTS}
+            law |= dict(zip(CONSTANTS, map(repr, constants), strict=False))
     made = joined(common | law, own) | {PRESET: tag}
     # A muscle stays one whatever is said beside its law.
     if tag == GENERAL and known.get(PRESET) == "muscle" and not {*LAW} & {*own}:
@@ -90,7 +99,7 @@ def _in_short(element: Element, known: Attributes) -> Attributes | None:
     if said == tag:
         return {key: known[key] for key in SHORT.get(tag, ()) if key in known}
     kind = known.get("gaintype", "fixed")
-    if said != GENERAL or kind != {"damper": "affine"}.get(tag, "fixed"):
+    if said != GENERAL or kind != {"damper": "affine", "muscle": "muscle"}.get(tag, "fixed"):
         return None
     # The numbers of <general>, zero where they are left out.
     law = element.with_attributes(dict(known))
@@ -111,6 +120,12 @@ def _in_short(element: Element, known: Attributes) -> Attributes | None:
         case "cylinder":
             words = " ".join(map(repr, bias))
             return {"area": repr(gain[0]), "timeconst": repr(time), "bias": words}
+        case "muscle":
+            low, high, *numbers = first(law, "gainprm", 2 + len(OF_MUSCLES), (1.0,))
+            rise, fall, smooth = first(law, "dynprm", 3, (1.0,))
+            ranges = {"range": f"{low!r} {high!r}", "timeconst": f"{rise!r} {fall!r}"}
+            words = dict(zip(OF_MUSCLES, map(repr, numbers), strict=True))
+            return ranges | words | {"tausmooth": repr(smooth)}
         case _:
             return None
     more = {key: known[key] for key in ("inheritrange",) if key in known and tag in FIXED[:2]}
@@ -152,6 +167,19 @@ def area(element: Element) -> float:
     if "diameter" in element.attributes:
         return pi / 4 * element.number("diameter") ** 2
     return element.number("area", 1.0)
+
+
+def motor_constants(element: Element) -> tuple[float, float]:
+    """Return K and R of a dcmotor, from its constants, or from the voltage, stall torque and
+    no-load speed of its nominal point, which say what is not given otherwise; zero where nothing
+    says it."""
+    of_torque, of_speed = first(element, "motorconst", 2)
+    voltage, stall, speed = first(element, "nominal", 3)
+    resistance = element.number("resistance", 0.0)
+    given = of_torque, of_speed or (voltage / speed if speed else 0.0)
+    constants = [each for each in given if each > 0] or [0.0]
+    K = sqrt(constants[0] * constants[-1])
+    return K, resistance or (K * voltage / stall if stall else 0.0)
 
 
 def first(
