@@ -136,6 +136,15 @@ def test_models_attached_in_one_another_and_referred_to_by_name(tmp_path):
     assert "p_toe_h" in load(path).mechanism.joints
 
 
+@pytest.mark.parametrize("ours", ["true", "false"])
+def test_boxes_are_fitted_as_the_model_that_all_is_attached_to_says(ours, tmp_path):
+    leg = LEG.replace('type="mesh"', 'type="box"').replace("meshdir", 'fitaabb="true" meshdir')
+    path = written(tmp_path, ATTACHED["body"], leg=leg)
+    own = f'<compiler fitaabb="{ours}" angle'
+    path.write_text(path.read_text().replace("<compiler angle", own))
+    assert difference(path) < 1e-6
+
+
 THROUGH = {
     "by its own name": ('<joint name="jo"/>', ATTACHED["body"]),
     "by the name with the prefix": ('<joint name="p_jo"/><site name="jo"/>', ATTACHED["body"]),

@@ -18,7 +18,7 @@ import numpy as np
 from linkwork.errors import LinkworkError
 from linkwork.formats import poses
 from linkwork.formats.mjcf.attachments import mesh_name
-from linkwork.formats.mjcf.document import Document
+from linkwork.formats.mjcf.document import OWN, Document
 from linkwork.formats.mjcf.principal import principal_axes
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element, shortened
@@ -203,7 +203,8 @@ class Meshes:
             return None
         asset, (moments, X_own) = self.asset(geom), principal(solid)
         X = asset.document.pose(geom) @ X_own
-        if asset.document.compiler_of(geom).fit_box:
+        # By the model that all is attached to, as MuJoCo does.
+        if asset.document.compilers[OWN].fit_box:
             seen = (asset.triangles.vertices - solid.centre) @ X_own[:3, :3]
             low, high = seen.min(axis=0), seen.max(axis=0)
             half, X = (high - low) / 2, X @ poses.shift((low + high) / 2)
