@@ -186,8 +186,9 @@ def reach(
     q, good = branch.begun(start, poses.values)
     for step in (partial(branch.walked, finest=COARSE), branch.walked_where_met):
         spread(poses, q, good, step)
-    # A row that is kept may vanish in vain, and bar ways that the tool is led on by all rows.
-    if every:
+    # A row that is kept may vanish in vain, and bar ways that the tool is led on by all rows: where
+    # these tell branches apart.
+    if every and tells_all(J):
         left, here = np.flatnonzero(~good), task.values(J.robot, start, J.task)
         begin, there = (np.tile(one, (left.size, 1)) for one in (start, here))
         q[left], good[left] = led(J, begin, there, poses.values[left])

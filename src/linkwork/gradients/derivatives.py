@@ -32,7 +32,7 @@ from linkwork.model import checks, evaluation
 from linkwork.model.charts import CompiledChart
 from linkwork.model.directly import DirectCalls
 from linkwork.model.model import Model
-from linkwork.model.reordering import evaluated, sure
+from linkwork.model.reordering import evaluated
 from linkwork.model.state import State
 from linkwork.threads import number_of
 
@@ -113,7 +113,7 @@ def told(
     # One state takes a short way up to where there is code for the shortest one.
     if q.ndim == 1 and all(part.ndim == 1 for part in given):
         y = kernel.flat(q, v, *given, robot.p)
-        if abs(y.item(-1)) > sure(chart.key) and isfinite(y.dot(y)):
+        if abs(y.item(-1)) > checks.sure(chart.key) and isfinite(y.dot(y)):
             return parts_of(kernel, y, widths)
     # Stacks, weak orders of elimination, and what is to be refused.
     checks.together(state.batch, *(part.shape[:-1] for part in given))

@@ -16,7 +16,7 @@ import numpy as np
 from linkwork.equations.chart_choice import DETERMINED
 from linkwork.model import checks
 from linkwork.model.charts import CompiledChart
-from linkwork.model.reordering import evaluated, sure
+from linkwork.model.reordering import evaluated
 from linkwork.model.state import State
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def told(
     """Return w = L v (..., nv) and the weakest relative pivot (...), in a good order where the
     chart's own is weak."""
     w, pivot = chart.weighed(q, v, p)
-    if (abs(pivot) if w.ndim == 1 else np.abs(pivot).min(initial=np.inf)) > sure(chart.key):
+    if (abs(pivot) if w.ndim == 1 else np.abs(pivot).min(initial=np.inf)) > checks.sure(chart.key):
         return w, pivot
     w, pivot = evaluated(robot, chart, lambda other: other.kernel("tree_rates"), q, v, p)
     return w, pivot[..., 0]

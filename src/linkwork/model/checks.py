@@ -4,6 +4,7 @@ right."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import NoReturn
 
 import numpy as np
@@ -17,6 +18,7 @@ from linkwork.checks import known as known
 from linkwork.checks import names as names
 from linkwork.checks import number as number
 from linkwork.checks import positive as positive
+from linkwork.equations.chart import Chart
 from linkwork.errors import LinkworkError
 from linkwork.model.state import State
 
@@ -26,6 +28,15 @@ PIVOT_BOUND = 1e-4  # errors of v enter the dependent rates multiplied by about 
 
 class SingularError(LinkworkError):
     """Refuse a configuration where the actuated rates do not determine the motion."""
+
+
+@lru_cache(maxsize=1024)
+def sure(chart: Chart) -> float:
+    """Return the relative pivot from which on errors are rounding alone: cofactors of a block
+    behind it multiply as many of the elements that a weak pivot makes large as the block has
+    rows."""
+    sizes = [len(block.rows) for stage in chart.stages for block in stage.blocks[1:]]
+    return PIVOT_BOUND ** (1 / max(sizes, default=1))
 
 
 def weakest(pivot: np.ndarray) -> float:

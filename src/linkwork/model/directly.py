@@ -26,8 +26,8 @@ from linkwork.kernels.from_python import (
     direct,
     left_to_others,
 )
+from linkwork.model import checks
 from linkwork.model.charts import CompiledChart
-from linkwork.model.reordering import sure
 from linkwork.model.state import State
 
 Form = Literal["number", "vector", "matrix", "symmetric"]
@@ -95,7 +95,7 @@ class DirectCalls(dict[tuple[str, ...], Direct]):
             return self.setdefault(independent, left_to_others)
         first, shape = self._asked(kernel, len(independent))
         sizes = [size for _, size in kernel.inputs[:-1]]
-        call = direct(kernel, sizes, chart.p, AskedOutputs(first, shape, sure(chart.key)))
+        call = direct(kernel, sizes, chart.p, AskedOutputs(first, shape, checks.sure(chart.key)))
         self[independent] = call if len(sizes) > 1 else partial(at_rest, call)
         return self[independent]
 

@@ -15,7 +15,7 @@ from linkwork.errors import LinkworkError
 from linkwork.model import actuation, checks, not_finite
 from linkwork.model.chart_transfer import chart_in, reread
 from linkwork.model.directly import LOOKED_AT, shaped
-from linkwork.model.reordering import evaluated, sure
+from linkwork.model.reordering import evaluated
 from linkwork.model.state import State
 from linkwork.threads import number_of
 
@@ -77,7 +77,7 @@ def dynamics(
     if values.ndim == 1 and q.ndim == 1:
         y = kernel.flat(q, state.rates, values, robot.p)
         numbers = y.tolist()[-1 - n :]
-        if abs(numbers[-1]) > sure(chart.key) and isfinite(sum(numbers)):
+        if abs(numbers[-1]) > checks.sure(chart.key) and isfinite(sum(numbers)):
             return y[-1 - n : -1]
     else:
         checks.together(state.batch, values.shape[:-1])

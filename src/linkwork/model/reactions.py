@@ -20,7 +20,7 @@ from linkwork.kernels import Kernel
 from linkwork.model import checks, evaluation, not_finite
 from linkwork.model.charts import CompiledChart
 from linkwork.model.network import Loads, Network, balanced, moved
-from linkwork.model.reordering import evaluated, sure
+from linkwork.model.reordering import evaluated
 from linkwork.model.state import State
 
 if TYPE_CHECKING:
@@ -211,7 +211,7 @@ def loads(robot: Model, samples: Samples, outside: np.ndarray) -> tuple[np.ndarr
     given = samples.u, strains, outside.reshape(len(q), 6 * len(robot.bodies))
     if chart.shared.large:
         pivots = chart.by_table("tree_rates").rows(q, samples.v, chart.p)[:, -1]
-        if checks.weakest(pivots) > sure(chart.key):
+        if checks.weakest(pivots) > checks.sure(chart.key):
             w, w_dot = chart.in_tree(q, samples.v, chart.p, samples.v_dot)
             return kernel(chart.free, make)(q, w, w_dot, *given, chart.p)
     parts = q, samples.v, samples.v_dot, *given

@@ -11,28 +11,17 @@ the configuration.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 from math import prod
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from linkwork.equations.chart import Chart
 from linkwork.kernels import Kernel
 from linkwork.model import checks
 from linkwork.model.charts import BUILDING, CompiledChart
 
 if TYPE_CHECKING:
     from linkwork.model.model import Model
-
-
-@lru_cache(maxsize=1024)
-def sure(chart: Chart) -> float:
-    """Return the relative pivot from which on errors are rounding alone: cofactors of a block
-    behind it multiply as many of the elements that a weak pivot makes large as the block has
-    rows."""
-    sizes = [len(block.rows) for stage in chart.stages for block in stage.blocks[1:]]
-    return checks.PIVOT_BOUND ** (1 / max(sizes, default=1))
 
 
 def ordered(
@@ -45,7 +34,7 @@ def ordered(
     """
     given = robot.p if p is None else p
     weakest = chart.single("tree_rates").flat(q, np.zeros(len(chart.independent)), given).item(-1)
-    if abs(weakest) > sure(chart.key) or not np.isfinite(q).all():
+    if abs(weakest) > checks.sure(chart.key) or not np.isfinite(q).all():
         return chart
     with BUILDING:
         other = chart.anew(q, chart.key.independent, p=p)
@@ -69,7 +58,7 @@ def evaluated(
     """
     found = kernel(chart)(*given, threads=threads)
     pivot = found[-1]
-    if checks.weakest(pivot) > sure(chart.key):
+    if checks.weakest(pivot) > checks.sure(chart.key):
         return found
     batch, with_p = pivot.shape[:-1], len(given) == len(kernel(chart).inputs)
     count = prod(batch)
@@ -78,7 +67,7 @@ def evaluated(
         for part in given
     ]
     parts = [part.reshape(count, part.shape[-1]) for part in found]
-    for i in np.flatnonzero(~(np.abs(parts[-1][:, 0]) > sure(chart.key))):
+    for i in np.flatnonzero(~(np.abs(parts[-1][:, 0]) > checks.sure(chart.key))):
         other = ordered(robot, chart, rows[0][i], rows[-1][i] if with_p else None)
         if other is not chart:
             for part, values in zip(parts, kernel(other)(*(row[i] for row in rows)), strict=True):
