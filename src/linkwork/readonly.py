@@ -1,11 +1,13 @@
 """Read-only: arrays, numbers and attributes that nobody may write into once they are made, for what
 was found from them would stay as it was."""
 
-from typing import Any
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from linkwork.errors import LinkworkError
+
+Value = TypeVar("Value")
 
 
 class ReadOnlyArrays:
@@ -21,37 +23,37 @@ class ReadOnlyArrays:
         ReadOnlyArrays.__post_init__(self)
 
 
-def refuse_change(*_: Any, **__: Any) -> Any:
-    """Refuse to change numbers in place."""
-    raise LinkworkError(
+class FixedMapping(dict[str, Value]):
+    """Refuse to be changed in place, in the words of its kind."""
+
+    refusal: ClassVar[str]
+
+    def _refuse(*given: Any, **_: Any) -> Any:
+        raise LinkworkError(given[0].refusal)
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+
+class FreeNumbers(FixedMapping[float]):
+    """Hold the values of a robot's free numbers, by path; they are not changed in place."""
+
+    refusal = (
         "the parameters of a robot are not changed in place; "
         "robot.with_parameters({path: value}) returns the robot with other values"
     )
-
-
-class FreeNumbers(dict[str, float]):
-    """Hold the values of a robot's free numbers, by path; they are not changed in place."""
-
-    __setitem__ = __delitem__ = __ior__ = refuse_change
-    clear = pop = popitem = setdefault = update = refuse_change
 
     def __reduce__(self) -> tuple[Any, ...]:
         return dict, (dict(self),)
 
 
-def refuse_entries(*_: Any, **__: Any) -> Any:
-    """Refuse to change a description in place."""
-    raise LinkworkError(
+class FixedEntries(FixedMapping[Any]):
+    """Hold the parts of a description by name; they are not changed in place."""
+
+    refusal = (
         "the parts of a description are not changed in place; make another description, such as "
         "Mechanism(bodies={**mechanism.bodies, 'rod': rod}, joints=mechanism.joints)"
     )
-
-
-class FixedEntries(dict[str, Any]):
-    """Hold the parts of a description by name; they are not changed in place."""
-
-    __setitem__ = __delitem__ = __ior__ = refuse_entries
-    clear = pop = popitem = setdefault = update = refuse_entries
 
     def __reduce__(self) -> tuple[Any, ...]:
         return FixedEntries, (dict(self),)

@@ -173,11 +173,11 @@ def reach(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return configurations (N, nq) at the poses, and which of these are reached on the working
     mode of the start (N)."""
-    every = spared(J)
+    every, told_apart = spared(J), tells_all(J)
     determinants = problem.verdict(start, poses.values[0])[1]
     require_regular(sizes(J, J.inverse, start) if every else determinants)
     mode = np.sign(determinants)
-    if tells_all(J) and not every:
+    if told_apart and not every:
         q, good = problem.solve(start, poses.values, FAR, mode)
         spread(poses, q, good, lambda q, _, end: problem.solve(q, end, NEAR, mode))
         return q, good
@@ -188,7 +188,7 @@ def reach(
         spread(poses, q, good, step)
     # A row that is kept may vanish in vain, and bar ways that the tool is led on by all rows: where
     # these tell branches apart.
-    if every and tells_all(J):
+    if every and told_apart:
         left, here = np.flatnonzero(~good), task.values(J.robot, start, J.task)
         begin, there = (np.tile(one, (left.size, 1)) for one in (start, here))
         q[left], good[left] = led(J, begin, there, poses.values[left])

@@ -117,13 +117,18 @@ def modes_of(equations: Equations, p: np.ndarray, asked: Asked) -> ModeStages:
     if not len(kept) == len(order) == equations.nv:
         return ModeStages()
     pattern, read_off, stages = constancy(A), np.array(samples), []
-    parts, left = triangular({r: tuple(pattern[r]) for r in kept}), {*pattern} - {*kept}
+    parts = triangular({r: tuple(pattern[r]) for r in kept})
+    stage_of = {c: k for k, (_, columns_of) in enumerate(parts) for c in columns_of}
+    # A row that is not kept belongs to the last stage that it touches.
+    spare: dict[int, list[int]] = {}
+    for row in sorted({*pattern} - {*kept}):
+        if pattern[row]:
+            spare.setdefault(max(stage_of[c] for c in pattern[row]), []).append(row)
     for k, (rows_of, columns_of) in enumerate(parts):
-        columns, later = tuple(sorted(columns_of)), {c for _, own in parts[k + 1 :] for c in own}
-        spare = [r for r in left if {*pattern[r]} & columns_of and not {*pattern[r]} & later]
+        columns = tuple(sorted(columns_of))
         if not all(pattern[r].get(c, True) for r in rows_of for c in columns):
             size = float(np.abs(determinant(read_off, rows_of, columns)).max())
-            stages.append(ModeStage(rows_of, columns, max(size, 1e-300), tuple(sorted(spare))))
+            stages.append(ModeStage(rows_of, columns, max(size, 1e-300), tuple(spare.get(k, ()))))
     units = np.concatenate([equations.rows.units, asked.units])
     ((_, blocks, _),) = choose_orders(
         pattern, read_off[None] * (tree.rate_units / units[:, None]), kept, ()
