@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.equations.reference import unit
 from linkwork.robots import bricard, five_bar, four_bar, n_four_bar, prr3
 
 from tests.catalogue import built
@@ -181,6 +182,60 @@ def test_a_run_that_came_to_the_robot_s_own_rates_is_resumed_in_them():
     stepper = robot.stepper(half, step)
     stepper.step(steps=16)
     close(stepper.q, resumed.attrs["final_q"], 1e-15)
+
+
+@pytest.mark.parametrize(
+    ("name", "rates", "before"), [("rrs3", [7.3, 5.9, 0.6], 64), ("rrr3", [5.0, 5.0, -5.0], 100)]
+)
+def test_fixed_steps_behind_a_change_of_rates_are_resumed_bit_for_bit(name, rates, before):
+    """In the same order of elimination, also by a robot that does not know it yet."""
+    robot, step, behind = built(name), 2.0**-9, 24
+    options = {"method": "rk4", "step": step}
+    start = robot.home.with_rates(rates)
+    whole, half = (
+        robot.simulate(start, duration=count * step, **options)
+        for count in (before + behind, before)
+    )
+    assert "; from" in half.attrs["charts"]
+    for own in (robot, lw.Robot(robot.mechanism)):
+        resumed = own.resume(half, duration=behind * step, **options)
+        for name in ("final_q", "final_v", "final_chart"):
+            assert np.array_equal(resumed.attrs[name], whole.attrs[name])
+
+
+@pytest.mark.parametrize("told", ["{}", "[1]", '{"independent": [0]}'])
+def test_a_run_that_tells_no_chart_of_the_robot_is_not_resumed(told):
+    robot = built("five_bar")
+    run = robot.simulate(robot.home, duration=0.01)
+    attrs = dict(run.attrs) | {"final_chart": told}
+    foreign = lw.Run(run.variables, run.coords, attrs, run.status, run.message, run.statistics)
+    with pytest.raises(lw.LinkworkError, match="the run belongs to another robot"):
+        robot.resume(foreign, duration=0.1)
+
+
+@pytest.mark.parametrize("name", ["rrs3", "stewart", "hexaglide"])
+def test_steps_that_close_loops_contract_quadratically_whatever_the_lengths_of_quaternions(name):
+    robot = built(name)
+    step, size = robot.chart.kernel("closure_step"), robot.home.q.size
+    q, gaps = robot.home.q + 1e-4 * np.random.default_rng(0).normal(size=size), []
+    for _ in range(3):
+        q, gap = step(q)
+        gaps.append(gap.item())
+    assert gaps[1] < 10 * gaps[0] ** 2 and gaps[2] < 10 * gaps[1] ** 2 + 1e-15
+
+
+@pytest.mark.parametrize(("name", "rtol"), [("hexaglide", 1e-4), ("rrs3", 1e-6), ("stewart", 1e-6)])
+def test_loops_are_closed_where_a_run_ends_however_long_its_steps_are(name, rtol):
+    """Also where the platform's turns follow from the legs, and steps change the length of its
+    quaternion."""
+    robot = built(name)
+    rates = np.random.default_rng(0).normal(size=(4, robot.mobility))
+    for each, duration in zip(rates, (0.06, 0.12, 0.2, 0.27), strict=True):
+        start = robot.home.with_rates(each)
+        run = robot.simulate(start, duration=duration, rtol=rtol, atol=0.01 * rtol)
+        q = unit(robot.equations.tree, run.attrs["final_q"])
+        assert np.abs(run.attrs["final_q"] - q).max() < 2e-13
+        assert robot.chart.kernel("closure_step")(q)[1] < 2e-13 * robot.size
 
 
 def test_the_paper_s_robot_under_one_force_passes_its_singular_poses():

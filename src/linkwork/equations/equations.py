@@ -11,7 +11,7 @@ where these are the independent ones. The accelerations of large open trees are 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -379,11 +379,12 @@ class Equations:
         return SX(vector(self.mechanism.gravity))
 
 
-def conditions(equations: Equations) -> ca.SX:
+def conditions(equations: Equations, at: Callable[[ca.SX], ca.SX] = lambda of: of) -> ca.SX:
     """Return the largest |phi| in own units, of rows that are not held what rounded numbers do not
-    explain, and how far quaternions are from length 1."""
+    explain, and how far quaternions are from length 1; at: where all of it but that is told."""
     rows = equations.rows
-    every = ca.vertcat(rows.phi * ca.DM(1 / rows.units), *equations.tree.norms(), rows.excess)
+    found = at(ca.vertcat(rows.phi * ca.DM(1 / rows.units), rows.excess))
+    every = ca.vertcat(found, *equations.tree.norms())
     return ca.mmax(ca.fabs(every)) if equations.constrained else SX(0)
 
 

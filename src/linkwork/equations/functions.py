@@ -100,13 +100,14 @@ def closure_step(equations: Equations) -> ca.Function:
     before it in own units.
 
     Rows that are not held count as far as they are open beyond what rounded numbers explain.
-    A quaternion is scaled by (3 - p . p) / 2, a Newton step towards length 1.
+    First quaternions take a step of their own (`Tree.normed`): where their lengths were off, phi
+    would be closed for these. They count in the residual as they were.
     """
     tree, phi = equations.tree, equations.rows.phi
     step, _ = solve(equations.chart, equations.rows.Phi, -phi)
     step = equations.scatter(step, SX.zeros(equations.mobility, 1))
-    q = tree.normed(tree.q + tree.derivatives(step))
-    return function("closure_step", equations, {"q_next": q, "residual": conditions(equations)})
+    q, residual = tree.normed(tree.q + tree.derivatives(step)), conditions(equations, tree.normed)
+    return function("closure_step", equations, {"q_next": q, "residual": residual})
 
 
 def unheld_gap(equations: Equations) -> ca.Function:

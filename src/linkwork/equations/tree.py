@@ -277,11 +277,13 @@ class Tree:
         """Return q' for the rates w."""
         return ca.mtimes(self.derivative_map, rates)
 
-    def normed(self, q: ca.SX) -> ca.SX:
-        """Return q with the quaternions scaled by what brings those of the tree's q to length 1."""
+    def normed(self, found: ca.SX) -> ca.SX:
+        """Return what depends on q for quaternions p scaled by (3 - p . p) / 2, a Newton step
+        towards length 1."""
+        q = SX(self.q)
         for places, _ in self.quaternions:
             q[list(places)] *= (3 - ca.sumsqr(self.q[list(places)])) / 2
-        return q
+        return ca.substitute(found, self.q, q) if self.quaternions else found
 
     def norms(self) -> list[ca.SX]:
         """Return (p . p - 1) / 2 of every quaternion, which stays zero."""

@@ -32,6 +32,17 @@ def closure(equations: Equations) -> ca.Function:
     return function("closure", equations, outputs)
 
 
+def opening(equations: Equations) -> ca.Function:
+    """Return what `closure` does at quaternions a Newton step nearer to length 1."""
+    rows, normed = equations.rows, equations.tree.normed
+    outputs = {
+        "phi": normed(rows.phi),
+        "Phi": normed(rows.Phi),
+        "residual": conditions(equations, normed),
+    }
+    return function("opening", equations, outputs)
+
+
 def forces(equations: Equations) -> ca.Function:
     """Return (q, w, u) -> what `balance` gives, and 1: all of it is defined."""
     free = uncharted(equations)
@@ -90,8 +101,8 @@ def balance(free: Equations, applied: ca.SX) -> dict[str, ca.SX]:
 
 
 def moved(equations: Equations) -> ca.Function:
-    """Return (q, s) -> q after a step s of the tree's rates, quaternions a Newton step nearer to
-    length 1."""
+    """Return (q, s) -> q after a step s of the tree's rates, from quaternions a Newton step nearer
+    to length 1 on."""
     tree, s = equations.tree, SX.sym("s", equations.nv)
     q = tree.normed(tree.q + tree.derivatives(s))
     return function("moved", equations, {"q_next": q}, s=s)

@@ -48,7 +48,9 @@ def tabled(
     """
     from linkwork.simulation import partitioned  # Numba is opened when a run needs it
 
-    kernels = [compiled("uncharted closure", uncharted.closure)]
+    turned = name == "closure_step" and equations.tree.quaternions
+    closure = uncharted.opening if turned else uncharted.closure
+    kernels = [compiled(f"uncharted {closure.__name__}", closure)]
     if acting is not None:
         kernels.append(acting)
     elif name in BESIDE:

@@ -20,6 +20,7 @@ from linkwork.model.reordering import evaluated
 from linkwork.model.state import State
 
 if TYPE_CHECKING:
+    from linkwork.equations.chart import Chart
     from linkwork.model.model import Model
 
 KEPT = 1e-6  # change of the kinetic energy that is none, relative to it
@@ -86,16 +87,21 @@ def chart_in(
     return robot.chart.anew(q, tuple(tree.index(name) for name in names), least)
 
 
-def start(robot: Model, state: State, resumed: bool = False) -> tuple[CompiledChart, np.ndarray]:
+def start(
+    robot: Model, state: State, last: Chart | None = None
+) -> tuple[CompiledChart, np.ndarray]:
     """Return the chart in which a run from one state starts, and its rates there.
 
     A state in the home chart may start in a shorter one, if nothing is lost by that; any other
-    keeps its own, and so does that in which a run ended that is resumed.
+    keeps its own. last: the chart in which a run ended that is resumed, which goes on in it.
     """
     own, shorter = robot.chart, robot.run_chart
+    if last is not None:
+        known = {own.key: own, shorter.key: shorter}.get(last) or robot.run_charts.get(last)
+        return known or robot.run_charts.setdefault(last, own.in_chart(last)), state.rates
     if state.independent != robot.independent:
         return robot.charts[state.independent], state.rates
-    if resumed or shorter is own:
+    if shorter is own:
         return own, state.rates
     v, kept = reread(robot, own, shorter, state.q, state.rates)
     return (shorter, v) if kept else (own, state.rates)

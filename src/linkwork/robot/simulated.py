@@ -115,8 +115,7 @@ class Simulated(Dynamics):
     def resume(self, run: Run, forces: Forces = None, *, duration: float, **options: Any) -> Run:
         """Go on from the end of a run, also of one that was saved and loaded: time, extra and held
         inputs continue. Chosen steps of a run in one need not end there: both agree to their
-        errors, and bit for bit where a step of fixed length ends there; but for
-        rounding, where the run had changed its rates by then.
+        errors, and bit for bit where a step of fixed length ends there.
 
         Args:
             run: of this robot.

@@ -3,8 +3,9 @@ ended."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import astuple, replace
+from dataclasses import asdict, astuple, replace
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,7 @@ MOST_TOLD = 8  # singular poses whose times the message tells
 ASKED = ("mechanism", "rtol", "atol", "step", "caveats", "parameters")
 TOLD = (
     *("method", "charts", SINGULAR_TIMES),
-    *(f"final_{name}" for name in ("time", "q", "v", "rates", "pace", "held", "turns")),
+    *(f"final_{name}" for name in ("time", "q", "v", "rates", "chart", "pace", "held", "turns")),
 )
 WOUND = ("final_windings",)
 ERROR = ("error_estimate", "error_estimate_until")
@@ -63,6 +64,7 @@ def told(system: System, segments: Sequence[Segment]) -> dict[str, object]:
         "final_q": last.q_end.copy(),
         "final_v": last.v_end[: len(segments[-1].chart.independent) + len(system.extras)].copy(),
         "final_rates": ", ".join(segments[-1].chart.independent),
+        "final_chart": json.dumps(asdict(segments[-1].chart.key)),
         "final_pace": np.array(astuple(last.pace)),
     }
     passed = singular_times(segments)

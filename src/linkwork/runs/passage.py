@@ -219,13 +219,12 @@ class Passage:
         tried = self.settings.step_over and not found.regular
         over = self._over(here, done) if tried else None
         if over is None:
-            better, n, kept, rates = found.better, chart.equations.mobility, False, v
-            if better is not None:
-                rates, kept = reread(self.robot, chart, better, q, v[:n])
-            if better is not None and kept:
+            better, n = found.better, chart.equations.mobility
+            told = better and reread(self.robot, chart, better, q, v[:n])
+            if better and told and told[1]:
                 control = self.system.control(better, done.control)
                 return here._replace(
-                    chart=better, v=np.concatenate([rates, v[n:]]), control=control, bound=SOFT,
+                    chart=better, v=np.concatenate([told[0], v[n:]]), control=control, bound=SOFT,
                     first_step=LONGER * done.next_step or None,
                 )  # fmt: skip
             if self.settings.step_over and not tried:
@@ -350,14 +349,8 @@ class Passage:
             for time, number in sorted(self._events(crossing, crossed))
             if time <= self.end
         ]
-        last = next(
-            (
-                number
-                for number, (_, event) in enumerate(happened)
-                if self.system.events[event].terminal
-            ),
-            None,
-        )
+        ends = [self.system.events[event].terminal for _, event in happened]
+        last = ends.index(True) if True in ends else None
         end = min(float(crossed.t[-1]), self.end) if last is None else happened[last][0]
         events = happened if last is None else happened[: last + 1]
         # States at the times to save, at events, and at the end, where it is the crossing's own.

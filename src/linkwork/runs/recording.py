@@ -34,6 +34,7 @@ from linkwork.simulation import Control, Pace, Run
 from linkwork.simulation.variables import Deferred
 
 if TYPE_CHECKING:
+    from linkwork.equations.chart import Chart
     from linkwork.model.model import Model
 
 COORDS = ("time", *AXES, "event", "event_time")
@@ -44,7 +45,7 @@ class Left(NamedTuple):
 
     time: [s]; extras: extra states; pace: step size
     held: inputs that a sampled controller held; turns: whole turns of angles that are not in the
-    state's q
+        state's q; chart: that it was in
     """
 
     time: float
@@ -52,6 +53,7 @@ class Left(NamedTuple):
     pace: Pace
     held: np.ndarray | None
     turns: np.ndarray | None
+    chart: Chart
 
 
 def simulate(
@@ -66,7 +68,7 @@ def simulate(
         raise checks.LinkworkError(
             "a run starts from one state, not from a stack; take one by state.at(index)"
         )
-    start, z, pace, held, turns = left or (0.0, None, None, None, None)
+    start, z, pace, held, turns, last = left or (0.0, *[None] * 5)
     pace = None if settings.integrator.step else pace
     sampler, end, besides = system.sampler, start + settings.duration, np.empty(0)
     if settings.samples is not None:
@@ -75,7 +77,7 @@ def simulate(
     if settings.save_at is not None and sampler:
         settings, besides = called_besides(sampler, settings, start, end)
     passage = Passage(robot, system, start, end, settings, pace, interruptible=True)
-    chart, v = chart_transfer.start(robot, state, left is not None)
+    chart, v = chart_transfer.start(robot, state, last)
     begun = Departure(
         chart, state.q, v, system.start(robot, state.positions, state.q, z), control, turns
     )

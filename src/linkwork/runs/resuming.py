@@ -8,8 +8,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from linkwork.checks import by_name, listed
+from linkwork.equations.chart import Chart
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import MechanismError
 from linkwork.mechanism.numbers import located
@@ -58,6 +60,7 @@ def left_by(robot: Model, run: Run) -> tuple[State, Left, dict[str, float]]:
         independent = listed(str(run.attrs["final_rates"]), robot.rates)
         start = float(run.attrs["final_time"])
         pace = Pace(*np.asarray(run.attrs["final_pace"], float).tolist())
+        told = str(run.attrs["final_chart"])
     except KeyError as error:
         raise LinkworkError(f"the run cannot be resumed: it does not hold {error}") from None
     n = len(independent)
@@ -78,7 +81,8 @@ def left_by(robot: Model, run: Run) -> tuple[State, Left, dict[str, float]]:
                 "the motion where it ended"
             )
         robot.charts[independent] = chart
-    # What else it goes on with: held inputs, counted turns, parameters, extra states.
+    # What else it goes on with: its chart, held inputs, counted turns, parameters, extra states.
+    last = chart_told(robot, told, independent)
     held, turns = (
         np.atleast_1d(np.asarray(run.attrs[name], float)) if name in run.attrs else None
         for name in ("final_held", "final_turns")
@@ -88,7 +92,28 @@ def left_by(robot: Model, run: Run) -> tuple[State, Left, dict[str, float]]:
         if name in robot.parameters:
             own[name] = others.pop(name)
     refuse_other_numbers(robot, others)
-    return state, Left(start, v[n:], pace, held, turns), own
+    return state, Left(start, v[n:], pace, held, turns, last), own
+
+
+def chart_told(robot: Model, text: str, independent: tuple[str, ...]) -> Chart:
+    """Return the chart that a run ended in, as it tells of it; refuse what is none of the robot's,
+    or in other rates."""
+    try:
+        last = TypeAdapter(Chart).validate_json(text)
+    except ValidationError:
+        raise LinkworkError(OTHER_ROBOT) from None
+    names, height = robot.equations.tree.rates, len(robot.equations.rows.units)
+    fits = (
+        sorted((*last.independent, *last.dependent)) == [*range(len(names))]
+        and independent == tuple(names[place] for place in last.independent)
+        and {*last.rows} <= {*range(height)}
+        and sorted(last.dependent) == sorted(c for stage in last.stages for c in stage.columns)
+        and sorted(last.rows) == sorted(r for stage in last.stages for r in stage.rows)
+        and all(len(stage.blocks) == len(stage.scales) for stage in last.stages)
+    )
+    if not fits:
+        raise LinkworkError(OTHER_ROBOT)
+    return last
 
 
 ENTRY = re.compile(r"(.+?) = (-?[\d.]+(?:e[-+]\d+)?)(?:, |$)")

@@ -299,11 +299,11 @@ class Stepper:
     def _set_out(self, state: State, left: Left | None, time: float) -> None:
         """Begin at a state, with what a run had left there."""
         robot, system = self._robot, self._system
-        _, z, pace, held, turns = left or (time, None, None, None, None)
+        _, z, pace, held, turns, last = left or (time, *[None] * 5)
         fixed, sampler = self._settings.integrator.step is not None, system.sampler
         control = Control(0, sampler.period, held) if held is not None and sampler else None
         passage = Endless(robot, system, time, np.inf, self._settings, None if fixed else pace)
-        chart, v = chart_transfer.start(robot, state, left is not None)
+        chart, v = chart_transfer.start(robot, state, last)
         z = system.start(robot, state.positions, state.q, z)
         stand = passage.departed(Departure(chart, state.q, v, z, control, turns))
         self._enter(passage, stand, passage.pace)
