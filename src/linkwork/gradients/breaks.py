@@ -79,6 +79,8 @@ class Breaks:
     def kinks(self) -> set[int]:
         """Rows at which what acts has a kink: steps ended there at events, and nothing jumps."""
         rows = self.rows
+        if not rows.cuts:
+            return set()
         jumping = {0, rows.last, *rows.acts, *self.jumps}
         jumping |= set(np.flatnonzero(np.isin(rows.t, rows.system.inputs.knots)).tolist())
         return rows.cuts.keys() - jumping
