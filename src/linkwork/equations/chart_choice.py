@@ -27,7 +27,7 @@ from linkwork.equations.chart import (
     unit_of,
 )
 from linkwork.equations.equations import Equations, smallest_singular
-from linkwork.equations.independence import choose_independents, independent_rows, orthogonal_rows
+from linkwork.equations.independence import choose_independents, orthogonal_rows
 
 WELL = (
     0.3  # least share of a preferred rate's motion that the rates before it leave, for a good chart
@@ -61,13 +61,24 @@ def charts_at(
     found = []
     for rows, members in alike(np.sort(kept)):
         for independent, places in alike(choose_independents(held[:, :, members], preferred, WELL)):
-            at = members[places]
-            for order in orders(equations, Phi[at], rows, independent):
-                sound = np.flatnonzero(order.sound.all(axis=1))
-                for scales, same in alike(scales_of(order.determinants[sound], order.usual)):
-                    chart = chart_of(order.stages, scales, rows, independent, Phi.shape[2])
-                    found.append((at[order.which[sound[same]]], chart))
+            found += sound_charts(equations, Phi, members[places], rows, independent)
     return found
+
+
+def sound_charts(
+    equations: Equations,
+    Phi: np.ndarray,
+    at: np.ndarray,
+    rows: Sequence[int],
+    independent: Sequence[int],
+) -> Iterator[tuple[np.ndarray, Chart]]:
+    """Yield the charts of rows and independent rates at some configurations, with the numbers of
+    these; none where they would divide by a rounding error."""
+    for order in orders(equations, Phi[at], rows, independent):
+        sound = np.flatnonzero(order.sound.all(axis=1))
+        for scales, same in alike(scales_of(order.determinants[sound], order.usual)):
+            chart = chart_of(order.stages, scales, rows, independent, Phi.shape[2])
+            yield at[order.which[sound[same]]], chart
 
 
 def strengths(equations: Equations, chart: Chart, Phi: np.ndarray) -> np.ndarray:
@@ -120,29 +131,41 @@ def eliminated(
 def chart_in(
     equations: Equations, Phi: np.ndarray, independent: Sequence[int], least: float = DETERMINED
 ) -> Chart | None:
-    """Return the chart in given independent rates that is good at one configuration; None where
-    they determine no motion.
+    """Return the chart in given independent rates that is good at one configuration, as
+    `charts_in`; None where there is none.
+
+    Phi: the constraint Jacobian there (all rows x nv).
+    """
+    found = charts_in(equations, Phi[None], independent, least)
+    return found[0][1] if found else None
+
+
+def charts_in(
+    equations: Equations, Phi: np.ndarray, independent: Sequence[int], least: float = DETERMINED
+) -> list[tuple[np.ndarray, Chart]]:
+    """Return the charts in given independent rates that are good at configurations, each with the
+    numbers of those at which it is chosen; none where these rates determine no motion.
 
     Args:
         equations: of the tree whose rates are chosen from.
-        Phi: the constraint Jacobian there (all rows x nv).
+        Phi: the constraint Jacobian there (G x all rows x nv).
         independent: n different rates.
         least: singular value from which on they determine the motion, over the smallest one at the
             reference.
     """
-    unit, count = equations.scaled(Phi), len(equations.chart.rows)
-    rows = independent_rows([unit], count)
-    solved = unit[np.ix_(rows, [j for j in range(Phi.shape[1]) if j not in independent])]
-    if (
-        solved.shape != (count, count)
-        or smallest_singular(solved, count) <= least * equations.smallest
-    ):
-        return None
-    (order,) = orders(equations, Phi[None], rows, independent)
-    if (~order.sound).any():
-        return None
-    scales = scales_of(order.determinants, order.usual)[0].tolist()
-    return chart_of(order.stages, scales, rows, independent, Phi.shape[1])
+    units, count = equations.scaled(Phi), len(equations.chart.rows)
+    others = [j for j in range(Phi.shape[2]) if j not in independent]
+    if len(others) != count:
+        return []
+    every = np.arange(count)[None].repeat(len(Phi), axis=0)
+    kept = every if count == Phi.shape[1] else np.sort(orthogonal_rows(units, count)[0])
+    found = []
+    for rows, members in alike(kept):
+        solved = units[np.ix_(members, np.array(rows, int), np.array(others, int))]
+        at = members[smallest_singular(solved, count) > least * equations.smallest]
+        if at.size:
+            found += sound_charts(equations, Phi, at, rows, independent)
+    return found
 
 
 class EliminationOrder(NamedTuple):

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from linkwork.equations.chart_choice import charts_in
 from linkwork.kernels import Kernel
 from linkwork.model import checks
 from linkwork.model.charts import BUILDING, CompiledChart
@@ -67,9 +68,25 @@ def evaluated(
         for part in given
     ]
     parts = [part.reshape(count, part.shape[-1]) for part in found]
-    for i in np.flatnonzero(~(np.abs(parts[-1][:, 0]) > checks.sure(chart.key))):
-        other = ordered(robot, chart, rows[0][i], rows[-1][i] if with_p else None)
-        if other is not chart:
-            for part, values in zip(parts, kernel(other)(*(row[i] for row in rows)), strict=True):
-                part[i] = values
+    weak = ~(np.abs(parts[-1][:, 0]) > checks.sure(chart.key)) & np.isfinite(rows[0]).all(axis=1)
+    at = np.flatnonzero(weak)
+    q, *others = (row[at] for row in rows)
+    for own, other in ordered_alike(robot, chart, q, others[-1] if with_p else None):
+        for part, values in zip(
+            parts, kernel(other)(q[own], *(each[own] for each in others)), strict=True
+        ):
+            part[at[own]] = values
     return found
+
+
+def ordered_alike(
+    robot: Model, chart: CompiledChart, q: np.ndarray, p: np.ndarray | None
+) -> list[tuple[np.ndarray, CompiledChart]]:
+    """Return the charts of a chart's rates in good orders at configurations (K, nq), each with the
+    numbers of those at which it is one; none where they have none."""
+    with BUILDING:
+        known, Phi = robot.run_charts, chart.constraint_jacobian(q, p)
+        return [
+            (own, known.get(key) or known.setdefault(key, chart.in_chart(key)))
+            for own, key in charts_in(chart.equations, Phi, chart.key.independent)
+        ]
