@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork import analysis
 from linkwork.analysis import base_parameters, exciting_trajectory, identify, periodic
+from linkwork.analysis._base_parameters import random_motions
 
 from tests.analysis.mechanisms import arm, cart
 from tests.catalogue import built
@@ -264,6 +266,24 @@ def test_refusals(ask, told):
     with pytest.raises(lw.LinkworkError, match=told) as refusal:
         ask()
     assert "\n" not in str(refusal.value)
+
+
+def test_what_is_measured_in_other_rates_or_pushed_from_outside_is_refused():
+    """It was taken for the rates of home, and for a motion by the actuators alone."""
+    robot = built("five_bar")
+    states, dv = random_motions(robot, 20, 4)
+    forces = robot.inverse_dynamics(states, dv)
+    other = tuple(name for name in robot.rates if name not in robot.actuators)[:2]
+    moved = robot.in_chart(states, other)
+    places = [robot.rates.index(name) for name in other]
+    measured = analysis.Measured(moved, robot.joint_accelerations(states, dv)[:, places], forces)
+    push = lw.control.Wrench(robot.bodies[0], force=lambda t, s: (1.0, 0.0, 0.0))
+    run = robot.simulate(robot.home, forces[0], duration=0.1, wrenches=[push], samples=20)
+    for ask in (identify, analysis.payload):
+        with pytest.raises(lw.LinkworkError, match=f"hold the rates of {', '.join(other)}; bring"):
+            ask(robot, measured)
+        with pytest.raises(lw.LinkworkError, match="wrenches from outside act in the run"):
+            ask(robot, run)
 
 
 def resting(robot, count):

@@ -40,8 +40,8 @@ SHOWN, WIDE = 12, 76  # lines, and characters of a line, in a repr
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Hold measured motion and forces: states (N), accelerations of the independent rates (N, n),
-    forces u (N, actuators)."""
+    """Hold measured motion and forces: states (N), accelerations (N, n) of the rates that are
+    independent at home, as those of the states, forces u (N, actuators)."""
 
     states: State
     accelerations: np.ndarray
@@ -96,12 +96,7 @@ class Identification(Portrayed):
         independent at home, as those of the states
         """
         robot = self.base.regressor.robot
-        states = robot.own(states)
-        if states.independent != robot.independent:
-            raise LinkworkError(
-                f"the states hold the rates of {', '.join(states.independent)}; bring them to "
-                "those of home: robot.in_chart(states, robot.independent)"
-            )
+        states = in_rates_of_home(robot, states)
         accelerations = checks.accelerations(accelerations, states.independent)
         Y, known = self.base.regressor.with_known(states, accelerations)
         return Y[..., self.base.columns] @ self.values + known
@@ -121,7 +116,8 @@ def identify(
         seed: of the random motions on which the base parameters are found.
 
     Raises:
-        LinkworkError: too few samples, a motion that does not tell all base parameters apart.
+        LinkworkError: too few samples, a motion that does not tell all base parameters apart;
+            states of another robot, or in rates other than those of home.
     """
     # Y beta = S' u - (known part), each row multiplied by its rate's own unit so that rows compare.
     data = motion_of(robot, measured)
@@ -175,7 +171,8 @@ def motion_of(robot: Robot, measured: Measured | Run) -> Measured:
             f"the measured states are {shown(measured.states)}; give a stack (N) of states, one "
             "for each sample"
         )
-    count, given = *measured.states.batch, []
+    states = in_rates_of_home(robot, measured.states)
+    count, given = *states.batch, []
     for name, values, width in (
         ("accelerations", measured.accelerations, robot.mobility),
         ("forces", measured.forces, len(robot.actuators)),
@@ -185,7 +182,18 @@ def motion_of(robot: Robot, measured: Measured | Run) -> Measured:
             raise LinkworkError(
                 f"the measured {name} have the shape {given[-1].shape}; give {(count, width)}"
             )
-    return Measured(measured.states, *given)
+    return Measured(states, *given)
+
+
+def in_rates_of_home(robot: Robot, states: State) -> State:
+    """Return states as the robot's own; refuse those whose rates are not those of home."""
+    states = robot.own(states)
+    if states.independent != robot.independent:
+        raise LinkworkError(
+            f"the states hold the rates of {', '.join(states.independent)}; bring them to "
+            "those of home: robot.in_chart(states, robot.independent)"
+        )
+    return states
 
 
 def of_run(robot: Robot, run: Run) -> Measured:
@@ -194,6 +202,11 @@ def of_run(robot: Robot, run: Run) -> Measured:
     if missing:
         raise LinkworkError(
             f"a run does not hold the rates {', '.join(missing)}; give a `Measured` motion"
+        )
+    if "external_wrench" in run.variables:
+        raise LinkworkError(
+            "wrenches from outside act in the run, which are none of the actuators' forces; give "
+            "a run without them, or a `Measured` motion"
         )
     places = [robot.rates.index(name) for name in robot.independent]
     rates = run.variables["joint_rate"].values[:, places]

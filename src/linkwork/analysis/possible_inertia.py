@@ -18,8 +18,10 @@ coordinates); Wensing, Kim & Slotine, ibid. 3 (2018) 60-67 (pseudo-inertia).
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,7 +29,7 @@ from linkwork.analysis._base_parameters import regressor_of
 from linkwork.analysis.identification import Identification, Measured, motion_of
 from linkwork.checks import among, positive, shown
 from linkwork.equations.regressor import OF_BODIES
-from linkwork.errors import LinkworkError
+from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.mechanism import Body, Inertia, Mechanism
 from linkwork.mechanism.numbers import edited, located
 from linkwork.mechanism.payload import rotation
@@ -36,11 +38,16 @@ from linkwork.patience import announced
 from linkwork.robot import Robot
 from linkwork.simulation import Run
 
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
+
 STEP = 1e-30  # of the complex step
 TOLERANCE = 1e-14
-MOST = 300  # evaluations
+MOST, PATIENT = 300, 3000  # evaluations, at once and along a valley
+GRADUATED = (1e-8, 1e-6, 1e-4, 1e-2, 1.0)  # weights of residuals along a valley
 WIDE = 10.0  # spread of friction and rotors, over what is described or 1
 SPATIAL, FLAT = 10, 4
+UNTOLD = 1e-3  # part of a direction that is not told, from which on a number is not
 SMALL = 1e-3  # of the robot's mass and length: what stands for a mass or a size that is zero
 NAMES = ("xx", "yy", "zz", "xy", "xz", "yz")
 UPPER, DIAGONAL = np.triu_indices(3), np.diag_indices(3)
@@ -131,13 +138,45 @@ def inertia_of(tensor: np.ndarray, flat: bool) -> Inertia:
 
 def fitted(
     residual: Callable[[np.ndarray], np.ndarray], spread: float, lower: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return theta of the least squares of residuals and of theta / spread, and its covariance;
-    derivatives by complex steps.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return theta of the least squares of residuals and of theta / spread, its covariance, and the
+    slopes of the residuals there (rows, size); derivatives by complex steps.
+
+    Small noise makes a narrow, bent valley of them: where its floor is not found at once, it is
+    followed from wide to narrow, the residuals weighing more and more.
 
     residual: of one theta (size) or a stack of them, (..., size) -> (..., rows); lower: least
         values of theta (size)
+
+    Warns:
+        ModelWarning: least squares that are not found.
     """
+    found = least(residual, spread, lower, np.zeros(lower.size), MOST)
+    if not found.success:
+        theta = np.zeros(lower.size)
+        for weight in GRADUATED:
+            found = least(lambda x, w=weight: w * residual(x), spread, lower, theta, PATIENT)
+            theta = found.x
+    if not found.success:
+        warnings.warn(
+            f"the masses that fit best are not found in {PATIENT} steps, and these only come near "
+            "them; measure a motion that tells more, or give another spread",
+            ModelWarning,
+            stacklevel=5,
+        )
+    J = found.jac
+    return found.x, np.linalg.inv(J.T @ J), J[: -lower.size]
+
+
+def least(
+    residual: Callable[[np.ndarray], np.ndarray],
+    spread: float,
+    lower: np.ndarray,
+    start: np.ndarray,
+    most: int,
+) -> OptimizeResult:
+    """Return the least squares of residuals and of theta / spread that are found from a start with so many
+    evaluations."""
     from scipy.optimize import least_squares
 
     def every(theta: np.ndarray) -> np.ndarray:
@@ -147,19 +186,17 @@ def fitted(
         steps = theta + 1j * STEP * np.eye(theta.size)
         return np.imag(every(steps)).T / STEP
 
-    found = least_squares(
+    return least_squares(
         every,
-        np.zeros(lower.size),
+        start,
         jac=slopes,  # pyright: ignore[reportArgumentType]
         bounds=(lower, np.inf),
         x_scale="jac",
         xtol=TOLERANCE,
         ftol=TOLERANCE,
         gtol=TOLERANCE,
-        max_nfev=MOST,
-    ).x
-    J = slopes(found)
-    return found, np.linalg.inv(J.T @ J)
+        max_nfev=most,
+    )
 
 
 @announced("finding possible masses")
@@ -203,7 +240,7 @@ def possible(identification: Identification, *, spread: float = 1.0) -> Mechanis
         return np.concatenate([*own, effects + scales * theta[..., size:]], -1)
 
     scales = WIDE * np.maximum(effects, 1.0)
-    found, _ = fitted(
+    found, *_ = fitted(
         lambda theta: (
             (identification.values - pi(theta) @ base.combination.T) @ identification.root.T
         ),
@@ -231,7 +268,7 @@ class EstimatedPayload:
     robot: that carries it, without it; tool: name
     mass [kg]; centre_of_mass: in the tool's frame [m]; inertia: about it, in the tool's axes
     deviation: standard deviation of the mass [kg]; centre_deviations: of the mass centre (3), in
-        the body's axes [m]
+        the body's axes [m]; infinite where the forces do not tell it, and the guess decides
     """
 
     robot: Robot
@@ -303,8 +340,11 @@ def payload(
             f"{right.size} measured forces do not tell a payload; measure more samples"
         )
     # Noise of each rate, and a guess: the mass that a point at the tool has to have.
-    remains = right - rows @ np.linalg.lstsq(rows, right, rcond=1e-10)[0]
-    noise = np.sqrt(np.mean(remains.reshape(n, -1) ** 2, axis=1))
+    best, _, rank, _ = np.linalg.lstsq(rows, right, rcond=1e-10)
+    across = np.linalg.svd(rows)[2][rank:]
+    freedom = right.size / (right.size - rank)
+    remains = (right - rows @ best).reshape(n, -1)
+    noise = np.sqrt(freedom * np.mean(remains**2, axis=1))
     noise = np.maximum(noise, 1e-9 * max(float(np.abs(right).max()), 1e-300))
     weights = np.repeat(1 / noise, len(right) // n)
     # A point at the tool with a small radius of gyration, as heavy as fits best.
@@ -314,13 +354,15 @@ def payload(
     unit = rows @ PossibleBody(1.0, at, root, flat).moments(np.zeros(FLAT if flat else SPATIAL))
     weighed = weights * unit
     mass = float(weighed @ (weights * right) / max(float(weighed @ weighed), 1e-300))
+    if not mass > 0 and np.linalg.norm(across[:, 0]) < UNTOLD:  # far away, and told by itself
+        mass = float(best[0])
     if not mass > 0:
         raise LinkworkError(
             "the forces tell no mass above zero at the tool; check the signs of the forces, and "
             "the robot without payload"
         )
     guess = PossibleBody(mass, at, np.sqrt(mass) * root, flat)
-    theta, covariance = fitted(
+    theta, covariance, slopes = fitted(
         lambda theta: weights * (right - guess.moments(theta) @ rows.T),
         spread,
         np.full(guess.size, -np.inf),
@@ -332,8 +374,18 @@ def payload(
     turned = R.T @ tensor @ R
     inertia = inertia_of(turned, flat)
     size = np.sqrt(np.sum(guess.root**2) / guess.mass)
-    spreads = np.sqrt(np.diagonal(covariance))
+    spreads = np.where(told(slopes, spread), np.sqrt(np.diagonal(covariance)), np.inf)
     centre = size * np.append(spreads[1:3], 0.0) if flat else size * spreads[1:4]
     return EstimatedPayload(
         robot, name, float(m), (x, y, z), inertia, float(m * spreads[0]), centre
     )
+
+
+def told(slopes: np.ndarray, spread: float) -> np.ndarray:
+    """Return which numbers (size) residuals of these slopes (rows, size) tell by themselves: those
+    that are in no direction which the spread holds more firmly."""
+    _, values, directions = np.linalg.svd(slopes)
+    found = np.zeros(len(directions))
+    found[: values.size] = values
+    left = directions[found * spread < 1]
+    return np.linalg.norm(left, axis=0) < UNTOLD
