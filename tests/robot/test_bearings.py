@@ -379,6 +379,23 @@ def horizontal() -> lw.Mechanism:
     return described.model_copy(update={"gravity": (0.0, 0.0, -G)})
 
 
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, -G), (0.0, -G, 0.0)])
+def test_thrust_that_loops_share_is_refused_in_each_of_their_joints(gravity):
+    """Also in that which closes them, which was taken to carry none; upright there is none."""
+    described = lw.robots.four_bar()
+    for name in described.joints:
+        faced = {"bearing": journal(0.2, 0.02, thrust_radius=0.05)}
+        joints = described.joints | {name: described.joints[name].model_copy(update=faced)}
+        made = described.model_copy(update={"gravity": gravity, "joints": joints})
+        if gravity[2]:
+            with pytest.raises(lw.LinkworkError, match="leave open what this bearing carries"):
+                lw.Robot(made)
+        else:
+            robot = lw.Robot(made)
+            thrust = robot.reactions(robot.home, [0.0], frame="second")[name][5]
+            assert abs(thrust) < 1e-9
+
+
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [

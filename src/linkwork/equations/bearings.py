@@ -28,6 +28,7 @@ from linkwork.equations.bearing_loads import BearingLoads, Wrench, rows_of
 from linkwork.equations.closure import jacobian
 from linkwork.equations.equations import Equations
 from linkwork.equations.meeting import TINY
+from linkwork.equations.needed_wrenches import frames
 from linkwork.equations.reflections import DEPENDENT_ROW
 from linkwork.equations.rubbing import Rubbing, rubbing
 from linkwork.equations.symmetric import solve_symmetric, unless
@@ -192,7 +193,8 @@ def refuse_open(equations: Equations) -> None:
     and no motion feels them.
 
     Where what they change is always across what is carried, as out of the plane of a linkage, that
-    is the least that the bearing may carry, and taken.
+    is the least that the bearing may carry, and taken; but not where all joints together carry
+    least with a share of it, which the joints that close loops are taken to leave to the others.
     """
     loads = at_symbols(equations, SX.sym("u", len(equations.mechanism.actuators)), ())
     if loads is None or not (equations.cuts or equations.mechanism.gears):
@@ -205,6 +207,7 @@ def refuse_open(equations: Equations) -> None:
     outputs = []
     for of, by in zip(loads.vectors, every.vectors, strict=True):
         outputs += [x for _, x in of] + [ca.jacobian(x, m) for _, x in by]
+    outputs += [carried_by_all(loads), ca.jacobian(carried_by_all(every), m)]
     # The multipliers that no rate of the tree feels, but for what rounded numbers leave.
     blocks = [jacobian(equations.tree, cut) for cut in equations.cuts]
     blocks += [gears.row(gear, equations.joints)[1] for gear in equations.mechanism.gears.values()]
@@ -220,6 +223,9 @@ def refuse_open(equations: Equations) -> None:
     sizes = np.array([*sizes, *np.linalg.norm(J[len(sizes) :], axis=1)])
     left, values, _ = np.linalg.svd(J / sizes[:, None])
     unfelt = left[:, int((values > DEPENDENT_ROW * values.max(initial=0.0)).sum()) :]
+    # How much of them all joints would carry least with.
+    *found, whole, whole_change = found
+    least = -np.linalg.lstsq(whole_change / sizes @ unfelt, whole.ravel(), rcond=OPEN)[0]
     # What bearings rub by must not change with them.
     for own, of in zip(loads.rubbing, loads.vectors, strict=True):
         carried = found[: len(of)]
@@ -228,12 +234,26 @@ def refuse_open(equations: Equations) -> None:
         for x, change in zip(carried, changes, strict=True):
             every_change = np.abs(change / sizes).max(initial=0.0)
             along = np.abs(x.T @ (change / sizes @ unfelt)).max(initial=0.0)
-            if along > OPEN * np.linalg.norm(x) * every_change:
+            share = np.abs(change / sizes @ unfelt @ least).max(initial=0.0)
+            if (
+                along > OPEN * np.linalg.norm(x) * every_change
+                or share > OPEN * np.abs(whole).max()
+            ):
                 raise MechanismError(
                     "the loops hold more than they need, so that rigid bodies leave open what "
                     + left_open(own),
                     ("joints", own.joint, "teeth" if own.teeth else "bearing"),
                 )
+
+
+def carried_by_all(loads: BearingLoads) -> ca.SX:
+    """Return what all joints between bodies carry, [moment about the origin of F2 over the
+    mechanism's length; force], one after the other."""
+    equations, found = loads.equations, [SX(0, 1)]
+    for name, joint in equations.mechanism.pairs.items():
+        moment, force = loads.carried(name, frames(equations, joint)[1].P)
+        found += [moment / equations.tree.length, force]
+    return ca.vertcat(*found)
 
 
 def left_open(own: Rubbing) -> str:
