@@ -175,8 +175,8 @@ def least(
     start: np.ndarray,
     most: int,
 ) -> OptimizeResult:
-    """Return the least squares of residuals and of theta / spread that are found from a start with so many
-    evaluations."""
+    """Return the least squares of residuals and of theta / spread that are found from a start, with
+    so many evaluations at most."""
     from scipy.optimize import least_squares
 
     def every(theta: np.ndarray) -> np.ndarray:
