@@ -276,6 +276,25 @@ def test_reduced_combinations_span_what_was_given():
     assert np.linalg.matrix_rank(np.vstack([rows, found]), 1e-9) == 3
 
 
+def test_what_moves_the_tool_by_rounding_alone_is_not_seen():
+    """A tool on a driven arm tells nothing of the links behind it."""
+    described, name = lw.robots.five_bar(), "elbow_1"
+    arm = next(body for body in described.joints["motor_1"].connects if body != "ground")
+    tools = {"arm": lw.mechanism.Tool(body=arm)}
+    numbers = (f"{name}.frames.0.position.x", f"{name}.frames.1.position.y")
+    robot = lw.Robot(described.model_copy(update={"tools": tools})).free(*numbers)
+    turns = np.random.default_rng(1).uniform(-0.1, 0.1, (2, 6))
+    states = robot.assemble(
+        {of: robot.home[of] + own for of, own in zip(robot.actuators, turns, strict=True)}
+    )
+    found = analysis.observability(robot, states)
+    assert (found.rank, found.index, found.sufficient) == (0, 0.0, ())
+    with pytest.raises(lw.LinkworkError, match="tells nothing of the free numbers"):
+        analysis.calibrate(robot, analysis.MeasuredPoses(states, robot.tool_pose(states)))
+    with pytest.raises(lw.LinkworkError, match="tell nothing of the free numbers"):
+        analysis.best_poses(robot, states, 3)
+
+
 REFUSALS = {
     "what nothing tells of": (
         lambda r, s: (

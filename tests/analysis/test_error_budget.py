@@ -221,6 +221,31 @@ def straightened(robot):
     )
 
 
+def test_actuators_without_a_coordinate_or_with_free_ratios():
+    """A rate of a ball joint cannot be held; a sum of coordinates is one with its ratios free."""
+    cube = lw.Inertia(xx=1, yy=1, zz=1)
+    ball = lw.SphericalJoint(connects=("ground", "arm"))
+    described = lw.Mechanism(
+        bodies={"arm": lw.Body(mass=1.0, inertia=cube)},
+        joints={"ball": ball},
+        actuators=ball.rates("ball"),
+        tools={"tip": lw.mechanism.Tool(body="arm")},
+    )
+    robot = lw.Robot(described)
+    with pytest.raises(lw.LinkworkError, match=r"'ball\.wx' has no coordinate that could be held"):
+        error_budget(robot, robot.home, {"ball.frames.0.position.x": 1e-4})
+    two = arm(1.0, 0.6).mechanism
+    first, second = two.actuators
+    belt = lw.mechanism.Combination(ratios={first: 1.0, second: 2.0})
+    belted = {**{of: getattr(two, of) for of in type(two).model_fields}}
+    belted |= {"transmissions": {"belt": belt}, "actuators": (first, "belt")}
+    robot = lw.Robot(lw.Mechanism(**belted))
+    state = robot.state([0.3, 0.9])
+    found = error_budget(robot, state, {f"transmissions.belt.ratios.{second}": 1e-3})
+    # 2 dq_2 + q_2 dr = 0
+    assert found.sensitivities[0][2, 0] == pytest.approx(-0.9 / 2)
+
+
 def test_what_only_orients_is_ranked_by_its_rotation():
     robot = built("agile_wrist")
     told = error_budget(robot, robot.home, resolution={"motor_1": 1e-3, "motor_2": 3e-3})

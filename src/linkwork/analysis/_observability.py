@@ -152,12 +152,14 @@ def own_sizes(robot: Robot) -> np.ndarray:
     )
 
 
-def observed(robot: Robot, slopes: np.ndarray, poses: int, weighed: bool) -> Observability:
-    """Return which combinations are seen by stacked derivatives (rows, np)."""
-    sizes = own_sizes(robot)
+def observed(model: PoseModel, slopes: np.ndarray, poses: int, weighed: bool) -> Observability:
+    """Return which combinations are seen by stacked derivatives (rows, np) of a model; what moves
+    by no more than rounding of its own unit is not."""
+    robot, sizes = model.robot, own_sizes(model.robot)
     J = slopes * sizes
     rows = np.concatenate([J, np.zeros((max(0, sizes.size - len(J)), sizes.size))])
     _, singular, Vt = np.linalg.svd(rows, full_matrices=False)
+    singular = np.where(singular > UNSEEN * model.reach, singular, 0.0)
     return Observability(tuple(robot.parameters), sizes, singular, Vt.T, poses, weighed)
 
 
@@ -207,12 +209,12 @@ def observability(
     """
     needed(robot, Robot)
     noise = {"position": position, "rotation": rotation, "encoders": encoders}
-    _, slopes = planned(robot, states, measure, joints, noise)
+    model, slopes = planned(robot, states, measure, joints, noise)
     weighed = (measure == "nothing" or position is not None) and (
         measure != "pose" or rotation is not None
     )
     stated = weighed and (not joints or encoders is not None)
-    return observed(robot, slopes.reshape(-1, slopes.shape[-1]), len(slopes), stated)
+    return observed(model, slopes.reshape(-1, slopes.shape[-1]), len(slopes), stated)
 
 
 @announced("choosing poses")
@@ -249,11 +251,13 @@ def best_poses(
     """
     needed(robot, Robot)
     noise = {"position": position, "rotation": rotation, "encoders": encoders}
-    _, slopes = planned(robot, candidates, measure, joints, noise)
+    model, slopes = planned(robot, candidates, measure, joints, noise)
     many, rows, _ = slopes.shape
     if not isinstance(count, int) or isinstance(count, bool) or not 0 < count <= many:
         raise LinkworkError(f"count is {shown(count)}; give a number from 1 to {many}")
-    whole = observed(robot, slopes.reshape(-1, slopes.shape[-1]), many, False)
+    whole = observed(model, slopes.reshape(-1, slopes.shape[-1]), many, False)
+    if not whole.rank:
+        raise LinkworkError("these poses tell nothing of the free numbers; free others")
     if count * rows < whole.rank:
         least = -(-whole.rank // rows)
         raise LinkworkError(

@@ -164,7 +164,7 @@ def calibrate(robot: Robot, measured: MeasuredPoses) -> Calibration:
         warn_of_units(robot, target, model.evaluated(q, robot.p)["x"][:, :3, 0])
     fit = Fit(model, readings, target, joints, q)
     # The combinations that are seen from where it begins.
-    first = observed(robot, fit.slopes(robot.p), len(q), measured.weighed)
+    first = observed(model, fit.slopes(robot.p), len(q), measured.weighed)
     count = q.shape[0] * model.scales.size
     if not first.rank:
         raise LinkworkError("what was measured tells nothing of the free numbers; free others")

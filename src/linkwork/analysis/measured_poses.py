@@ -144,6 +144,14 @@ class PoseModel:
             for name, shape, part in found
         }
 
+    @property
+    def reach(self) -> float:
+        """What is shown, over the noise, of a move by the robot's length or 1 rad, at most."""
+        lengths = [row >= 3 for row in self.rows]
+        lengths += [self.robot.unit(name) == "m" for name in self.joints]
+        own = np.where(lengths, self.robot.equations.tree.length, 1.0)
+        return float((own / self.scales).max())
+
     @cached_property
     def heights(self) -> np.ndarray:
         """Units of the loops' rows and the actuators' coordinates, as a column."""

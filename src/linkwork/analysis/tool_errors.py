@@ -150,7 +150,8 @@ def require_held(robot: Robot) -> None:
     robot.require_tool()
     freedoms = robot.mobility - len(robot.spins)
     lines = robot.mechanism.transmissions
-    loose = [name for name in robot.actuators if isinstance(lines.get(name), Thrust)]
+    shown = (*robot.coordinates, *(name for name in lines if not isinstance(lines[name], Thrust)))
+    loose = [name for name in robot.actuators if name not in shown]
     if loose:
         raise LinkworkError(
             f"the actuator {loose[0]!r} has no coordinate that could be held; an error of the tool "

@@ -89,7 +89,7 @@ def slides(mechanism: Mechanism) -> dict[str, bool]:
     }
     for name, line in mechanism.transmissions.items():
         if isinstance(line, Combination):
-            found[name] = any(found[label] for label, ratio in line.ratios.items() if ratio)
+            found[name] = any(found[of] for of, ratio in line.ratios.items() if present(ratio))
         else:
             found[name] = not isinstance(line, Thrust | Displacement) or any(
                 map(present, line.force)
