@@ -4,16 +4,19 @@ well as possible.
     q_i(t) = c_i + sum_k (a_ik / (omega k)) sin(omega k t) - (b_ik / (omega k)) cos(omega k t)
 
 Each actuator's series is stretched until it meets its first bound (range, rate or acceleration), so
-that every trial keeps them; of very many trials the best is improved by a search without
-derivatives. What is made small is the condition number of the stacked regressor, its columns
-measured by what random motions within the same bounds bring.
-Source: Swevers et al., IEEE Trans. Robotics and Automation 13 (1997) 730-740.
+that every trial keeps them. Between N samples in a period of the highest harmonic a series is at
+most its largest sample over cos(pi / N), which is taken for its largest value. Of very many trials
+the best is improved by a search without derivatives. What is made small is the condition number of
+the stacked regressor, its columns measured by what random motions within the same bounds bring.
+Source: Swevers et al., IEEE Trans. Robotics and Automation 13 (1997) 730-740; Ehlich & Zeller,
+Mathematische Zeitschrift 86 (1964) 41-44 (between samples).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,6 +34,7 @@ from linkwork.patience import announced
 from linkwork.robot import Motion, Robot
 
 SAMPLES = 40
+DENSE = 32  # samples in a period of the highest harmonic
 MOST_HARMONICS, MOST_TRIALS = 1000, 1_000_000  # which memory and patience hold
 IMPOSSIBLE = 1e12
 
@@ -93,6 +97,13 @@ class Search:
     rates: np.ndarray
     accelerations: np.ndarray
 
+    @cached_property
+    def dense(self) -> list[np.ndarray]:
+        """The bases of positions, rates and accelerations over a period."""
+        time = np.linspace(0, self.period, DENSE * self.harmonics, endpoint=False)
+        omega = 2 * np.pi / self.period
+        return [fourier(time, omega, self.harmonics, order) for order in range(3)]
+
     def coefficients(self, shape: np.ndarray) -> np.ndarray:
         """Return coefficients (1 + 2 harmonics, n) of a trial's shape: stretched to the bounds.
 
@@ -104,11 +115,8 @@ class Search:
         own = shape[n:].reshape(2 * self.harmonics, n)
         k = np.tile(np.arange(1, self.harmonics + 1), 2)[:, None]
         series = np.vstack([np.zeros((1, n)), own / k])
-        time = np.linspace(0, self.period, 8 * self.harmonics + 1)
-        omega = 2 * np.pi / self.period
         largest = [
-            np.abs(fourier(time, omega, self.harmonics, order) @ series).max(axis=0)
-            for order in range(3)
+            np.abs(basis @ series).max(axis=0) / np.cos(np.pi / DENSE) for basis in self.dense
         ]
         bounds = (self.half * (1 - np.abs(offset)), self.rates, self.accelerations)
         sizes = [np.where(size > 0, size, 1.0) for size in largest]
