@@ -197,6 +197,21 @@ def test_weight_adds_to_the_tool_s_stiffness():
     assert stiffness[4, 4] == pytest.approx(0, abs=1e-9)
 
 
+def test_stiffness_without_symmetry_is_the_inverse_of_the_compliance():
+    """A thrust follows an arm: the tool's stiffness in the plane was told as if it did not."""
+    described = lw.robots.double_pendulum()
+    tip = described.first_tool.body
+    fan = lw.mechanism.Thrust(body=tip, force=(0.0, 1.0, 0.0))
+    fields = {name: getattr(described, name) for name in type(described).model_fields}
+    made = {**fields, "transmissions": {"fan": fan}, "actuators": ("fan",)}
+    robot = lw.Robot(lw.Mechanism(**made))
+    state = robot.state([0.3, 0.9])
+    springs = dict.fromkeys(robot.independent, 50.0)
+    stiffness, compliance = tool_stiffness(robot, state, springs, forces=[20.0])
+    assert np.abs(compliance - compliance.T).max() > 0.01 * np.abs(compliance).max()
+    np.testing.assert_allclose(compliance @ stiffness @ compliance, compliance, atol=1e-12)
+
+
 def test_outputs_are_joints_and_their_rates():
     robot = built("prr3")
     state = robot.home.with_rates([0.3, -0.2, 0.1])

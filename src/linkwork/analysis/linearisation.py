@@ -218,4 +218,6 @@ def tool_stiffness(
     compliance = T @ np.linalg.solve(K, T.T)
     own = np.repeat([1.0, robot.equations.tree.length], 3)
     own = own * own[:, None]
-    return np.linalg.pinv(compliance / own, rcond=1e-12, hermitian=True) / own, compliance
+    # Forces out of equilibrium, or in wind, leave both without symmetry.
+    even = forces is None
+    return np.linalg.pinv(compliance / own, rcond=1e-12, hermitian=even) / own, compliance
