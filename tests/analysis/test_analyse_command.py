@@ -88,6 +88,17 @@ def test_small_motions_stiffness_and_rest():
     assert "y -1, angle -1.5708" in printed("pendulum", "equilibrium", "--all")
 
 
+def test_poles_are_told_where_forces_have_no_potential(tmp_path):
+    ball = lw.SphericalJoint(connects=("ground", "arm"))
+    cube = lw.Inertia(xx=0.1, yy=0.2, zz=0.25)
+    body = lw.Body(mass=2, centre_of_mass=(0.3, 0.1, 0.2), inertia=cube)
+    held = lw.Mechanism(bodies={"arm": body}, joints={"b": ball}, actuators=ball.rates("b"))
+    held.save(tmp_path / "held.yml")
+    text = printed(str(tmp_path / "held.yml"), "linearise")
+    assert "at rest, by the poles; natural modes are" in " ".join(text.split())
+    assert "pole, real" in text and "frequency" not in text
+
+
 def test_parameters_described_and_identified(tmp_path):
     mechanism, file = tmp_path / "cart.yaml", tmp_path / "run.nc"
     cart().mechanism.save(mechanism)

@@ -58,9 +58,11 @@ class Equilibrium:
     """Hold an equilibrium.
 
     state: at rest; forces: u of the actuators [N, N m]
-    stiffness: K (n x n), symmetric, in the coordinates of the state's `independent`
-    residual: largest unbalanced force [N, N m]; stable: whether K is positive definite, in wind
-        whether its symmetric part is: the poles of `robot.linearise(state)` tell more there
+    stiffness: K (n x n) in the coordinates of the state's `independent`; symmetric, but in wind and
+        under thrust or moments of ball joints
+    residual: largest unbalanced force [N, N m]; stable: whether K is positive definite; where it is
+        not symmetric, whether its symmetric part is: the poles of `robot.linearise(state, forces)`
+        tell more there
     """
 
     state: State

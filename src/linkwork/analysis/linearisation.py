@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 from linkwork.checks import amount, needed, shown
 from linkwork.equations.fluid import in_wind
 from linkwork.errors import LinkworkError
+from linkwork.mechanism import Cable, Combination, SliderCrank
 from linkwork.model import checks
 from linkwork.model.linear import (
     actuator_forces,
@@ -99,8 +100,8 @@ def natural_modes(
             if left out, none without actuators.
 
     Raises:
-        LinkworkError: a state that moves, or that the forces do not hold; wind that leaves the
-            stiffness without symmetry.
+        LinkworkError: a state that moves, or that the forces do not hold; wind, thrust or moments
+            of ball joints that leave the stiffness without symmetry.
     """
     needed(robot, Robot)
     from scipy.linalg import eigh
@@ -127,22 +128,28 @@ def natural_modes(
             f"{largest(residual):.3g}; find one by analysis.equilibrium, or give the forces that "
             "hold it"
         )
-    refuse_wind(robot, np.linalg.solve(M, (K - K.T) / 2) * units / units[:, None], usual)
+    refuse_circulation(robot, np.linalg.solve(M, (K - K.T) / 2) * units / units[:, None], usual)
     squares = np.where(np.abs(squares) < INDIFFERENT * max(fall, largest(squares)), 0.0, squares)
     frequencies = np.sign(squares) * np.sqrt(np.abs(squares)) / (2 * np.pi)
     joints = robot.rate_map(state) @ shapes
     return NaturalModes(frequencies, shapes, joints, M, K, state.independent, robot.rates)
 
 
-def refuse_wind(robot: Robot, skew: np.ndarray, usual: float) -> None:
-    """Refuse a stiffness without symmetry, which forces of wind have no potential for.
+def refuse_circulation(robot: Robot, skew: np.ndarray, usual: float) -> None:
+    """Refuse a stiffness without symmetry: wind, thrust, and moments of actuators that turn about
+    no fixed axis have no potential.
 
     skew: M^-1 (K - K') / 2 in own units; usual: size of M^-1 K [1/s^2]
     """
-    if in_wind(robot.mechanism) and largest(skew) > BALANCED * usual:
+    lines, lengths = robot.mechanism.transmissions, Combination | Cable | SliderCrank
+    even = [name for name, line in lines.items() if isinstance(line, lengths)]
+    led = {*robot.actuators} - {*robot.coordinates, *even}
+    windy = in_wind(robot.mechanism)
+    if (windy or led) and largest(skew) > BALANCED * usual:
+        where = "in the fluid's wind" if windy else f"under what {', '.join(sorted(led))} exert"
         raise LinkworkError(
-            "natural modes are those of forces with a potential, but in the fluid's wind the "
-            "stiffness is not symmetric here; take the poles of robot.linearise(state)"
+            f"natural modes are those of forces with a potential, but {where} the stiffness is not "
+            "symmetric here; take the poles of robot.linearise(state)"
         )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from linkwork import analysis
 from linkwork.cli.terminal import named, tidy
+from linkwork.errors import LinkworkError
 from linkwork.model.labels import POSES
 from linkwork.robot import Robot, State
 
@@ -57,3 +58,17 @@ def equilibrium_told(robot: Robot, found: analysis.Equilibrium) -> dict[str, Any
     energy = float(robot.energy(found.state)[1])
     told = {name: getattr(found, name) for name in ("stable", "stiffness", "residual")}
     return {"joints": joints_told(robot, found.state), **told, "energy": energy}
+
+
+def modes_at(
+    robot: Robot, state: State, forces: np.ndarray
+) -> tuple[analysis.NaturalModes | None, str]:
+    """Return the natural modes of a state under forces, if it stays at rest and has any, and what
+    equilibrium it is in."""
+    if not np.abs(robot.forward_dynamics(state, forces)).max(initial=0) < 1e-6:
+        return None, "no: it accelerates"
+    try:
+        modes = analysis.natural_modes(robot, state, forces)
+    except LinkworkError as refusal:
+        return None, f"at rest, by the poles; {refusal}"
+    return modes, "stable" if modes.stable else "not stable"

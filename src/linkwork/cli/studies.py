@@ -17,6 +17,7 @@ from linkwork.cli.poses import (
     FEW,
     equilibrium_told,
     joints_told,
+    modes_at,
     pose_of,
     pose_told,
     states_told,
@@ -271,20 +272,13 @@ def linearise(
             else by_name(forces, robot.actuators, "--forces")
         )
         model = analysis.linearise(robot, state, held)
-        acceleration = robot.forward_dynamics(state, held)
-        modes = (
-            analysis.natural_modes(robot, state, held)
-            if np.abs(acceleration).max(initial=0) < 1e-6
-            else None
-        )
+        modes, still = modes_at(robot, state, held)
     if as_json:
         told = {name: getattr(model, name) for name in LINEAR_TOLD}
         own = {} if modes is None else {name: getattr(modes, name) for name in NATURAL_TOLD}
         show_json({"joints": joints_told(robot, state)} | told | {"modes": own or None})
         return
     # The state, and how it is held.
-    still = "stable" if modes and modes.stable else "not stable"
-    still = still if modes else "no: it accelerates"
     out = console()
     out.print(
         facts(
