@@ -285,6 +285,20 @@ def test_refusals(ask, told):
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.parametrize(("name", "count"), [("delta", 10), ("linear_delta", 4), ("orthoglide", 4)])
+def test_a_platform_that_only_shifts_has_no_moments_to_tell(name, count):
+    """Each arm has m c_x, m c_y and I about its motor, a slide its mass, and the platform its own.
+    Motions on other assembly modes, where the platform turns, had told its moments, too: of a run
+    these were rounding over rounding, up to 1e16 kg m^2."""
+    robot = built(name)
+    assert len(base_parameters(robot)) == count
+    held = robot.holding_forces(robot.home)
+    run = robot.simulate(robot.home.with_rates([0.3, -0.2, 0.1]), held, duration=0.4, samples=60)
+    found = identify(robot, run)
+    size = np.abs(found.described).max()
+    np.testing.assert_allclose(found.values, found.described, atol=1e-6 * size)
+
+
 def test_what_is_measured_in_other_rates_or_pushed_from_outside_is_refused():
     """It was taken for the rates of home, and for a motion by the actuators alone."""
     robot = built("five_bar")

@@ -35,6 +35,9 @@ ROUNDING = 1e-6  # coefficients of columns of length 1 that are taken for zero
 SPREAD = 0.3
 ROUNDS = 30
 HALVINGS = 20  # of the spread, where loops do not close from it
+STEPS = 20  # in which the reference is led to a configuration
+LEAP, NEAR = 0.25, 1e-3  # in the mechanism's own units: too long a step, and where it has come to
+TURN = 2 * np.pi
 SHOWN, WIDE = 12, 76  # lines, and characters of a line, in a repr
 
 
@@ -142,8 +145,8 @@ def base_parameters(
     Args:
         robot: whose motions tell them.
         effects: as in `regressor_of`.
-        samples: number of random closed configurations near the reference, rates and accelerations;
-            seed: of these.
+        samples: number of random closed configurations near the reference, on its assembly mode,
+            rates and accelerations; seed: of these.
 
     Raises:
         LinkworkError: unknown names; a mechanism that nothing moves in; samples too few to tell how
@@ -208,16 +211,42 @@ def random_motions(robot: Robot, samples: int, seed: int) -> tuple[State, np.nda
 
 def random_configurations(robot: Robot, samples: int, random: np.random.Generator) -> np.ndarray:
     """Return random closed configurations (N, nq): each as far from the reference, which is closed,
-    as its loops close from there."""
+    as its loops close from there on its assembly mode."""
     tree, step = robot.equations.tree, of_any_length(robot.kernel("closure_step"))
     q = np.tile(robot.equations.reference, (samples, 1))
     away = SPREAD * tree.units * random.standard_normal(q.shape)
     open_ = np.arange(samples)
     for _ in range(HALVINGS):
         tried, good, *_ = closed(step, unit(tree, q + away)[open_], (), ROUNDS, contracting=False)
+        good[good] = led_from_home(robot, tried[good])
         q[open_[good]], open_ = tried[good], open_[~good]
         away /= 2
     return q
+
+
+def led_from_home(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Tell which closed configurations (N, nq) are on the assembly mode of the reference (N): those
+    that it comes to where its independent coordinates are led there, straight and in small steps.
+    """
+    equations, step = robot.equations, of_any_length(robot.kernel("closure_step"))
+    tree, home, free = equations.tree, equations.reference, {*equations.chart.independent}
+    led = [place for place, k in tree.single if k in free]
+    led += [place for places, ks in tree.quaternions if free & {*ks} for place in places]
+    # A quaternion and its opposite are one orientation.
+    goal, q = q.copy(), np.tile(home, (len(q), 1))
+    for places, _ in tree.quaternions:
+        goal[:, places] *= np.where(goal[:, places] @ home[places] < 0, -1.0, 1.0)[:, None]
+    good = np.ones(len(q), bool)
+    for left in range(STEPS, 0, -1):
+        guess = q.copy()
+        guess[:, led] += (goal[:, led] - q[:, led]) / left
+        guess, closes, *_ = closed(step, unit(tree, guess), (), ROUNDS, contracting=False)
+        good &= closes & (np.abs((guess - q) / tree.units).max(axis=1, initial=0.0) < LEAP)
+        q = guess
+    # Whole turns do not matter.
+    apart, turning = (q - goal) / tree.units, [i for i, k in tree.single if not tree.slides[k]]
+    apart[:, turning] -= TURN * np.round(apart[:, turning] / TURN)
+    return good & (np.abs(apart).max(axis=1, initial=0.0) < NEAR)
 
 
 def pace(robot: Robot) -> float:

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.analysis._base_parameters import Base, base_parameters
+from linkwork.analysis._base_parameters import NEGLIGIBLE, Base, base_parameters, pace
 from linkwork.analysis.newton import solver
 from linkwork.analysis.square import of_joints
 from linkwork.checks import finite, needed, shown
@@ -133,12 +133,14 @@ def identify(
             f"{right.size} measured forces do not give {rows.shape[1]} parameters; measure more "
             "samples"
         )
-    # Columns of equal length: the singular values then tell of the motion, not of the units.
+    # Columns of equal length: the singular values then tell of the motion, not of the units; but of
+    # rounding where a column is no more than that.
     lengths = np.linalg.norm(rows, axis=0)
     even = rows / np.where(lengths > 0, lengths, 1.0)
     sigma = np.linalg.svd(even, compute_uv=False)
-    if not sigma[-1] > 1e-10 * sigma[0]:
-        weakest = base.names[int(np.argmin(lengths))]
+    sizes = lengths / base.regressor.units(pace(robot))[base.columns]
+    if not (sigma[-1] > 1e-10 * sigma[0] and sizes.min() > NEGLIGIBLE * sizes.max()):
+        weakest = base.names[int(np.argmin(sizes))]
         raise LinkworkError(
             f"the motion does not tell the {rows.shape[1]} base parameters apart (least seen: "
             f"{weakest}); use a richer one, such as analysis.exciting_trajectory gives"
