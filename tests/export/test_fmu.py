@@ -379,6 +379,16 @@ def test_a_floating_body_begins_at_all_coordinates(folder):
     assert worst_tangent(one) < 1e-7
 
 
+def test_free_numbers_of_what_begins_at_all_coordinates(folder):
+    """A floating body falls as its gravity says."""
+    robot = top().free("gravity.z")
+    one = Instance(fmus.built(export(robot), folder), me=False)
+    one.initialise(**{"parameter__gravity__z": -2.0, name_of("start", "the base.z"): 3.0})
+    one.step(0.0, 1.0)
+    found = one.get(name_of("joint", "the base.z").replace("__", "."))
+    np.testing.assert_allclose(found, 3.0 - 1.0, rtol=1e-12)
+
+
 def name_of(group: str, label: str) -> str:
     first, _, last = label.partition(".")
     return f"{group}__'{first}'__{last}"

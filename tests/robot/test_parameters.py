@@ -225,6 +225,30 @@ def test_zero_is_a_value_like_any_other():
     close(free.with_parameters({}).mass_matrix(state), robot.mass_matrix(robot.home), 1e-12)
 
 
+@pytest.mark.parametrize("path", ["hinge.friction.static", "both.ratios.hinge"])
+def test_static_friction_and_ratios_of_sums_may_be_free(path):
+    """Beside the edited description: numbers that decide what there is, where they are zero."""
+    body = lw.Body(mass=1.0, centre_of_mass=(0.3, 0.0, 0.0), inertia=lw.Inertia(zz=0.1))
+    friction = lw.Friction(coulomb=0.5, coulomb_rate=0.1, static=0.6, stribeck_rate=0.2)
+    both = lw.Combination(ratios={"hinge": 0.5, "pin": 1.0}, spring=lw.SlackSpring(stiffness=30.0))
+    mechanism = lw.Mechanism(
+        bodies={"arm": body, "hand": body},
+        joints={
+            "hinge": lw.RevoluteJoint(connects=("ground", "arm"), friction=friction),
+            "pin": lw.RevoluteJoint(connects=("arm", "hand")),
+        },
+        transmissions={"both": both},
+        actuators=("hinge", "both"),
+    )
+    robot = lw.Robot(mechanism, free=[path]).with_parameters({path: 0.8})
+    other = lw.Robot(edited(mechanism, {path: 0.8}), robot.independent)
+    given = np.array([0.2, -0.4]), np.array([0.1, 0.3])
+    found, expected = (
+        each.forward_dynamics(each.state(*given), [1.0, 2.0]) for each in (robot, other)
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-13)
+
+
 def test_freedoms_that_a_joint_says_nothing_of():
     mechanism = random_loops(8, 1, platform="free")
     name = next(

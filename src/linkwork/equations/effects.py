@@ -106,7 +106,7 @@ class Freedom:
     @property
     def dry(self) -> bool:
         """Whether there is friction that does not vanish with the rate."""
-        return any(present(force) for force in (self.friction.coulomb, self.friction.static or 0.0))
+        return any(map(present, self.friction.dry))
 
     def sliding(self, w: ca.SX) -> Number:
         """Return the dry friction of steady sliding, D."""

@@ -61,6 +61,11 @@ class Friction(Record):
         require_friction(self.coulomb, self.static, self.bristle, "coulomb")
         return self
 
+    @property
+    def dry(self) -> tuple[float, ...]:
+        """The forces of dry friction: of sliding, and what breaks loose where that is told."""
+        return (self.coulomb,) if self.static is None else (self.coulomb, self.static)
+
 
 def require_friction(
     sliding: float, static: float | None, bristle: Bristle | None, name: str
@@ -141,8 +146,7 @@ class Effects(NamedTuple):
     def loads(self) -> tuple[float, ...]:
         """The numbers that are all zero where no force and no rotor acts."""
         friction, spring = self.friction, self.spring
-        own = friction.viscous, friction.coulomb, spring.stiffness, spring.damping
-        own = *own, friction.static or 0.0
+        own = friction.viscous, *friction.dry, spring.stiffness, spring.damping
         return (*own, self.stop.stiffness if self.stop else 0.0, self.rotor)
 
 

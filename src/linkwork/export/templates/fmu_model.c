@@ -24,9 +24,9 @@ BYTOOL     } else
     {
 BYJOINTS         lw_real positions[LW_JOINTS + 1], pose[LW_POSE + 1];
 BYJOINTS         status = lw_kinematics(values + LW_AT_START WITH_P, q, positions, pose);
-BYTREE         lw_real gap;
+BYTREE         /* Its loops are closed where the motion starts. */
 BYTREE         lw_copy(LW_Q, values + LW_AT_START, q);
-BYTREE         status = lw_project(q WITH_P, &gap);
+BYTREE         status = LW_OK;
     }
     if (status == LW_OK) {
         status = lw_start(q, values + LW_AT_START_RATES WITH_P, &state);
