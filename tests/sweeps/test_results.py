@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import linkwork as lw
 from linkwork.sweeps import Study
@@ -220,3 +221,31 @@ def test_members_start_on_the_branch_of_the_study_s_start():
     np.testing.assert_allclose(
         robot.tool_pose(robot.state(made.positions))[:, :2], poses, atol=1e-9
     )
+
+
+@pytest.mark.parametrize(("name", "away"), [("linear_delta", 0.4), ("four_bar", 14.0)])
+def test_joints_far_from_where_a_study_starts_stay_on_its_branch_with_their_turns(name, away):
+    """As the robot assembles them, from the same configuration."""
+    robot = lw.Robot(name)
+    vary = {
+        f"start.joints.{each}": {
+            "type": "uniform",
+            "low": robot.home[each] - away,
+            "high": robot.home[each] + away,
+        }
+        for each in robot.independent
+    }
+    given = study(
+        robot=robot.mechanism,
+        start={},
+        forces={},
+        vary=vary,
+        design={"type": "random", "members": 60, "seed": 1},
+        outputs={"energy": "final kinetic_energy"},
+    )
+    values = given.design.points(tuple(given.vary.values()), 0, 60)
+    made, status = starts(Bench.of(given), values)
+    assert not status.any()
+    expected = robot.assemble(dict(zip(robot.independent, values.T, strict=True)))
+    np.testing.assert_allclose(made.positions, expected.positions, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(made.q, expected.q, rtol=0, atol=1e-8)

@@ -100,8 +100,8 @@ class Asked(Protocol):
         ...
 
     def way(self, out: Outputs, y: np.ndarray) -> Way:
-        """Return the straight ways from one configuration, by its outputs (1, ...), to values
-        (N, rows)."""
+        """Return the straight ways to values (N, rows) from one configuration, or from one each, by
+        their outputs (1, ...) or (N, ...)."""
         ...
 
 
@@ -300,17 +300,18 @@ class ToolAsked:
 
     def way(self, out: Outputs, y: np.ndarray) -> Way:
         self.require_defined(self.jacobian(out)[0])
-        begin, shift = self.values(out)[0], -self.error(out, y)
+        begin, shift = self.values(out), -self.error(out, y)
         if self.rotation is None:
             return straight(begin, shift)
         from scipy.spatial.transform import Rotation
 
-        R, rotation = Rotation.from_matrix(out["orientation"].reshape(3, 3)), self.rotation
+        R, rotation = out["orientation"].reshape(-1, 3, 3), self.rotation
 
         def at(which: np.ndarray, part: np.ndarray) -> np.ndarray:
             moved = part[:, None] * shift[which]
-            placed = begin + moved
-            placed[:, rotation] = (Rotation.from_rotvec(moved[:, rotation]) * R).as_rotvec()
+            placed = of_each(begin, which) + moved
+            turn = Rotation.from_matrix(of_each(R, which))
+            placed[:, rotation] = (Rotation.from_rotvec(moved[:, rotation]) * turn).as_rotvec()
             return placed
 
         return at
@@ -370,12 +371,18 @@ class JointsAsked:
         return out["J_coordinates"][:, self.rates]
 
     def way(self, out: Outputs, y: np.ndarray) -> Way:
-        return straight(out["coordinates"][0, self.places], -self.error(out, y))
+        return straight(out["coordinates"][:, self.places], -self.error(out, y))
 
 
 def straight(begin: np.ndarray, shift: np.ndarray) -> Way:
-    """Return the ways from values (rows) along shifts (N, rows)."""
-    return lambda which, part: begin + part[:, None] * shift[which]
+    """Return the ways from values (1, rows) or (N, rows) along shifts (N, rows)."""
+    return lambda which, part: of_each(begin, which) + part[:, None] * shift[which]
+
+
+def of_each(values: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """Return those values (K, ...) of (N, ...) that are named, or the one (1, ...) that all
+    share."""
+    return values if len(values) == 1 else values[which]
 
 
 def straight_part(begin: ca.SX, y: ca.SX, part: ca.SX, wraps: np.ndarray) -> ca.SX:

@@ -151,18 +151,23 @@ class Leader:
         mode: np.ndarray,
         step: Step,
         first: float = 1.0,
+        *p: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return how far the straight ways `which` (K) lead by some steps: q (K, nq), and which to
-        their ends (K), from one start (nq) or several (K, nq); first: the part that is tried first.
+        their ends (K), from one start (nq) or several (K, nq).
+
+        mode: signs to be kept, or those of each (K, stages); first: the part that is tried first;
+        p: as in `approached`.
         """
+        modes = np.resize(mode, (which.size, mode.shape[-1]))
         q, going = np.resize(start, (which.size, start.shape[-1])), np.arange(which.size)
         part, length = np.zeros(which.size), np.full(which.size, first)
         for _ in range(ROUNDS):
             if not going.size:
                 break
             aim = np.minimum(1.0, part[going] + length[going])
-            given = (way(which[going], aim),)
-            reached, _, good = self.closed(step, q[going], given, mode, start=q[going])
+            given = (way(which[going], aim), *(own[which[going]] for own in p))
+            reached, _, good = self.closed(step, q[going], given, modes[going], start=q[going])
             q[going[good]], part[going[good]] = reached[good], aim[good]
             length[going] *= np.where(good, 2.0, 0.25)
             going = going[(part[going] < 1) & (length[going] > FINEST)]

@@ -1,8 +1,8 @@
 """Starts: close the loops of all members at a time, each with its own lengths, at its own
 coordinates or tool pose.
 
-They are led from where the study starts (`robot.leading`). Members that do not converge so, or on
-another working mode, are assembled one by one, with shorter steps.
+They are led straight from where the study starts (`robot.leading`), without leaving its branch.
+Members that no straight way leads to are assembled one by one.
 """
 
 from __future__ import annotations
@@ -15,6 +15,9 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import edited
 from linkwork.mechanism.record import MechanismError
 from linkwork.model import task
+from linkwork.model.assembling import wound
+from linkwork.model.leading import Leader
+from linkwork.model.turning import turned
 from linkwork.robot import State
 from linkwork.sweeps.home import JOINTS, RATES, REFUSED, TOOL, UNREACHABLE, posed
 from linkwork.sweeps.preparation import Bench
@@ -44,7 +47,10 @@ def starts(bench: Bench, values: np.ndarray) -> tuple[State, np.ndarray]:
             v[:, robot.independent.index(name.removeprefix(RATES))] = of[name]
     q[status != 0] = bench.start.q
     (positions,) = robot.kernel("positions")(q, p)
-    return State(positions, v, q, robot.coordinates, robot.independent), status
+    found = State(positions, v, q, robot.coordinates, robot.independent)
+    given = joints_given(bench, of, count)
+    asked = robot.joints_asked(tuple(given)).places, stacked(given)
+    return wound(robot, found, bench.start, asked if given else None), status
 
 
 def closed_together(
@@ -54,36 +60,54 @@ def closed_together(
     closed."""
     # What the start asks for: joints, a pose of the tool, or the independent joints' coordinates.
     robot, start = bench.robot, bench.study.start
-    given = {name: np.full(len(q), value) for name, value in start.joints.items()}
-    given |= {
-        name.removeprefix(JOINTS): column for name, column in of.items() if name.startswith(JOINTS)
-    }
-    pose = asked = None
+    given, pose, leader = joints_given(bench, of, len(q)), None, None
     if start.tool is not None:
         asked = task.asked_of(robot, len(start.tool))
+        leader = robot.leader_of_tool(asked, kept=True)
         columns = [
-            of.get(f"{TOOL}{name}", value)
+            of.get(f"{TOOL}{name}", np.full(len(q), value))
             for name, value in zip(asked.labels, start.tool, strict=True)
         ]
-        pose = np.stack([np.broadcast_to(column, len(q)) for column in columns], axis=1)
-    if not given and pose is None:
+        pose = asked.given(np.stack(columns, axis=1))
+    elif not given:
         given = {
             name: np.full(len(q), bench.start[name])
             for name in robot.independent
             if name in robot.coordinates
         }
-    # Joints on any mode, then the tool on the one that these lead to.
+    # Joints, with the whole turns that are asked for, then the tool on the mode that these lead to.
     closed = np.ones(len(q), dtype=bool)
     if given:
-        leader = robot.leader_of_joints(robot.joints_asked(tuple(given)))
-        y, any_mode = np.stack(list(given.values()), axis=1), np.zeros(len(leader.modes.stages))
-        q, closed, _ = leader.closed(leader.step, q, (y, p), any_mode, contracting=False)
-    if pose is not None and asked is not None:
-        leader, pose = robot.leader_of_tool(asked, kept=True), asked.given(pose)
-        modes = leader.signs(q, p)
-        q, _, kept = leader.closed(leader.step, q, (pose, p), modes, contracting=False)
+        joints = robot.joints_asked(tuple(given))
+        q, closed = led(robot.leader_of_joints(joints), q, stacked(given), p)
+        q = turned(robot.chart, q, joints.turns, stacked(given)[:, joints.angular])
+    if leader is not None and pose is not None:
+        q, kept = led(leader, q, pose, p)
         closed &= kept
     return q, closed
+
+
+def joints_given(bench: Bench, of: Values, count: int) -> dict[str, np.ndarray]:
+    """Return the joint coordinates (M) by name that the start asks for."""
+    given = {name: np.full(count, value) for name, value in bench.study.start.joints.items()}
+    return given | {
+        name.removeprefix(JOINTS): column for name, column in of.items() if name.startswith(JOINTS)
+    }
+
+
+def stacked(given: Values) -> np.ndarray:
+    """Return columns (M) side by side (M, names)."""
+    return np.stack([*given.values()], axis=1) if given else np.empty(0)
+
+
+def led(
+    leader: Leader, q: np.ndarray, y: np.ndarray, p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far straight ways to what is asked (M, rows) lead from configurations (M, nq),
+    each with its parameters and on its mode, and which of them to their ends (M)."""
+    out = leader.outputs(q, p)
+    way, modes = leader.least.asked.way(out, y), leader.modes.signs(leader.matrix(out))
+    return leader.walked(q, way, np.arange(len(q)), modes, leader.step, 1.0, p)
 
 
 def started_alone(
