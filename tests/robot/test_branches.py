@@ -12,6 +12,7 @@ from linkwork.robots.plane import corners, vertices
 
 from tests.analysis.mechanisms import arm, rrs
 from tests.catalogue import built
+from tests.oracle.random_joints import random_loops
 
 # proximal and distal length, elbows by name, and from a pose each leg's foot and what its distal
 # link has to reach
@@ -316,3 +317,12 @@ def test_no_row_is_kept_that_hardly_tells_what_another_one_tells():
     kept = Phi[list(robot.equations.chart.rows)]
     every = np.linalg.svd(Phi, compute_uv=False)[len(kept) - 1]
     assert np.linalg.svd(kept, compute_uv=False)[-1] > 0.1 * every
+
+
+def test_threads_keep_their_turns_where_random_configurations_lead_to_what_is_asked():
+    """A whole turn of a screw moves what is on it on: it is no turn that may be taken back."""
+    robot = lw.Robot(random_loops(4805, 1, effects=True), ("revolute_7", "revolute_6"))
+    asked = {"revolute_7": -0.25737, "revolute_6": 0.335442}
+    state = robot.assemble(asked)
+    assert robot.closure_error(state) < 1e-12
+    assert {name: pytest.approx(float(state[name])) for name in asked} == asked

@@ -20,7 +20,7 @@ import numpy as np
 from linkwork.checks import at
 from linkwork.equations.reference import unit
 from linkwork.equations.tree import Tree
-from linkwork.mechanism import Mechanism
+from linkwork.mechanism import Mechanism, ScrewJoint
 from linkwork.model.asked import ToolAsked, Way
 from linkwork.model.assembly import Assembler, UnreachableError
 from linkwork.model.closing import Approach, Closed, Least, Step, closed
@@ -238,8 +238,9 @@ class Leader:
         q, y = np.tile(unit(tree, q), (len(y), 1)), np.repeat(y, STARTS, axis=0)
         q, good, fits = self.closed(step, q, (y,), mode, False, near.repeat(STARTS, axis=0))
         fits[fits] = self.on_side(q[fits], start, mode)
+        threads = [n for n, joint in self.mechanism.pairs.items() if isinstance(joint, ScrewJoint)]
         for place, rate in tree.single if not self.mechanism.gears else ():
-            if not tree.slides[rate]:
+            if not tree.slides[rate] and tree.rates[rate] not in threads:
                 q[:, place] -= 2 * np.pi * np.round((q[:, place] - start[place]) / (2 * np.pi))
         away = np.where(fits, np.linalg.norm((q - start) / tree.units, axis=1), np.inf)
         nearest = away.reshape(-1, STARTS).argmin(axis=1) + STARTS * np.arange(len(y) // STARTS)
