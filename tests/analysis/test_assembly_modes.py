@@ -6,8 +6,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import linkwork as lw
-from linkwork.analysis import assembly_modes, working_modes
-from linkwork.analysis._assembly_modes import tool_kernel
+from linkwork.analysis import assembly_modes, jacobians, working_modes
+from linkwork.analysis._assembly_modes import by_bodies, search, tool_kernel
+from linkwork.analysis.square import of_tool
 
 from tests.analysis.mechanisms import dietmaier, postures, rpr
 from tests.catalogue import built
@@ -81,6 +82,28 @@ def test_each_leg_doubles_the_working_modes(robot, count):
         np.tile(built(robot).tool_pose(built(robot).home)[:2], (count, 1)),
         atol=1e-9,
     )
+
+
+def test_signs_tell_legs_apart_where_rows_depend_on_each_other():
+    """A Tripteron's leg is stretched or folded where its elbow is a right angle off home's; its
+    slides are the same on all eight modes."""
+    robot, pose = built("tripteron"), np.array([0.1, -0.25, 0.05])
+    modes = search(of_tool(robot), pose, by_bodies, 20000, 0)
+    elbows = np.array([[state[f"elbow_{k}"] for k in (1, 2, 3)] for state in modes])
+    expected = np.sign(np.cos(elbows))
+    assert len(modes) == len({tuple(signs) for signs in expected}) == 8
+    # Columns in another order, each the sign of one leg.
+    columns = {tuple(column) for column in modes.signs.T.tolist()}
+    assert columns == {tuple(column) for column in expected.T.tolist()}
+    _, _, det_B, det_A = jacobians(robot)(modes.states.q)
+    np.testing.assert_allclose(det_B, np.cos(elbows).prod(axis=1), rtol=0.3)
+    np.testing.assert_allclose(det_A, det_B, rtol=1e-9)
+
+
+def test_without_a_tool_there_is_no_mode_out_of_reach():
+    five_bar = built("five_bar").mechanism.model_copy(update={"tools": {}})
+    modes = assembly_modes(lw.Robot(five_bar), dict(motor_1=3.0, motor_2=0.1), starts=100)
+    assert len(modes) == 0 and "0 found" in repr(modes)
 
 
 def test_an_arm_of_six_joints_with_a_spherical_wrist_has_eight():

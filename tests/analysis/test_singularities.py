@@ -51,6 +51,23 @@ def test_the_jacobians_relate_the_rates_that_the_robot_itself_gives(name):
         np.testing.assert_allclose(J[:, k], slope, atol=1e-7 * max(1, np.abs(J).max()))
 
 
+@pytest.mark.parametrize("turned", [0.0, 1e-7])
+def test_the_jacobians_where_a_row_that_is_kept_vanishes(turned):
+    """A Tripteron's tool moves as its slides do; a row of its last hinge vanishes where a leg's
+    links have turned by a right angle together."""
+    robot, state = built("tripteron"), built("tripteron").home
+    a = 0.3 + turned
+    pose = np.array([0.3 * np.sin(a) - 0.3, 0.0, 0.3 * np.cos(a) - 0.3 * np.cos(turned) - 0.3])
+    for part in np.linspace(0, 1, 9)[1:]:
+        state = robot.assemble(tool=part * pose, guess=state)
+    K, J, det_B, det_A = jacobians(robot)(state.q)
+    np.testing.assert_allclose([K, J], [np.eye(3)] * 2, atol=1e-12)
+    np.testing.assert_allclose(det_A, det_B, rtol=1e-9)
+    assert det_B > 0.1
+    A, B = input_output(robot, state)
+    np.testing.assert_allclose(A, B, atol=1e-12)
+
+
 def test_the_five_bar_s_determinants_in_closed_form():
     """A: rows elbow -> tip; B: (tip - elbow) . (z x crank): |A| ~ sin between the distals, B ~ sin
     crank to distal."""

@@ -16,6 +16,7 @@ from linkwork.analysis.newton import in_threads
 
 from tests.analysis.mechanisms import arm, cart
 from tests.catalogue import built
+from tests.robot.test_branches import par4_motors
 
 BASE, PROXIMAL, DISTAL = 0.3, 0.25, 0.35  # of the five-bar
 
@@ -177,6 +178,19 @@ def test_spatial_robots_map_volumes():
     )
     assert mapped.attrs["characteristic_length"] > 0
     assert inscribed(mapped)[1] > 0.2
+
+
+def test_a_par4_reaches_what_its_legs_reach_where_rows_that_depend_on_others_vanish():
+    """All that is reached hangs together there; its motors are those of closed forms."""
+    axes = {"x": np.linspace(-0.6, 0.6, 5), "y": [-0.3, 0.0, 0.3], "z": [-0.8, -0.5], "rz": [0, 1]}
+    mapped = workspace(built("par4"), axes)
+    poses = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1).reshape(-1, 4)
+    with np.errstate(invalid="ignore"):
+        motors = np.array([par4_motors(pose) for pose in poses])
+    reached = mapped.reachable.values.ravel()
+    np.testing.assert_array_equal(reached, np.isfinite(motors).all(axis=1))
+    found = mapped.actuator_position.values.reshape(-1, 4)
+    np.testing.assert_allclose(found[reached], motors[reached], atol=1e-9)
 
 
 def test_a_tripteron_reaches_what_all_its_legs_reach_where_rows_that_depend_on_others_vanish():

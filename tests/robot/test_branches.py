@@ -230,12 +230,45 @@ def test_samples_between_which_a_motion_leaves_its_arc_are_refused():
     assert np.abs(np.diff(many.positions[:, :3], axis=0)).max() < 0.1
 
 
-def test_a_plate_and_a_leg_that_fold_between_samples_are_refused():
+def par4_motors(pose):
+    """Return the Par4's motor angles at (x, y, z, rz), halves unturned and elbows outward:
+    |V - E| = rod is  a cos q + b sin q = c."""
+    found, arm, rod, bar = [], 0.35, 0.8, 0.1
+    for f, side in zip(np.array([-1, 1, 3, 5]) * np.pi / 4, (1, 1, -1, -1), strict=True):
+        e = np.array([np.cos(f), np.sin(f), 0.0])
+        half = pose[:3] - [0.0, 0.05, 0.0] + side * bar / 2 * np.array([*turn(pose[3]), 0.0])
+        U = half + 0.1 * e - [side * bar / 2, 0.0, 0.0] - 0.25 * e
+        a, b, c = U @ e, -U[2], (U @ U + arm**2 - rod**2) / (2 * arm)
+        found.append(np.arctan2(b, a) - np.arccos(c / np.hypot(a, b)))
+    return found
+
+
+def turn(angle):
+    return np.cos(angle), np.sin(angle)
+
+
+def test_a_plate_that_folds_where_legs_hold_its_halves_is_led_on_as_closed_forms_say():
+    """Bars and halves of the plate lie on one line at a quarter turn, where rows that are kept
+    depend on each other: all of them together hold it, and no pose on the way is singular."""
     robot = built("par4")
     path = lw.paths.line((0.006, 0.05, -0.694, 0.159), (-0.326, 0.406, -0.839, 1.775))
-    for samples in (3, 41):
+    for samples in (3, 5):
         with pytest.raises(lw.LinkworkError, match=r"^at t = [0-9.]+ s: "):
             robot.follow(path, 1.0, samples=samples)
+    motion = robot.follow(path, 1.0, samples=41)
+    expected = [par4_motors(pose) for pose in motion.tool]
+    np.testing.assert_allclose(motion.positions[:, :4], expected, atol=1e-9)
+
+
+def test_legs_stay_as_they_are_where_a_kept_row_vanishes():
+    """A leg leapt to its other elbow there: a determinant of kept rows changed its sign alone."""
+    robot, state = built("par4"), built("par4").home
+    first, last = robot.task_values(state), np.array([-0.6, -0.25, -0.3, 0.0])
+    for part in np.linspace(0, 1, 41)[1:]:
+        pose = first + part * (last - first)
+        state = robot.assemble(tool=pose, guess=state)
+        motors = [state[name] for name in robot.actuators]
+        np.testing.assert_allclose(motors, par4_motors(pose), atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["five_bar", "delta", "stewart"])

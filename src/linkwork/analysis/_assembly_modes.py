@@ -22,6 +22,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.analysis.all_rows import all_rows
 from linkwork.analysis.newton import Solver, random_configurations, solver
 from linkwork.analysis.square import Square, of_joints, of_tool
 from linkwork.checks import amount, needed, random_numbers
@@ -30,6 +31,7 @@ from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.mechanism.limits import limited
 from linkwork.model import checks, limits
+from linkwork.model.modes import determinant
 from linkwork.model.turning import closing
 from linkwork.notebooks import Portrayed
 from linkwork.patience import announced
@@ -52,7 +54,9 @@ class Modes(Portrayed):
     states: the solutions, at rest, stacked, those nearest to the reference first
     hits: how many starts ended in each; first: the number of the start that found it first
     starts: how many there were; converged: how many of them ended in a solution
-    signs: (modes, stages) of the determinants of the system's stages, relative to the reference
+    signs: (modes, stages) of the determinants of the system's stages, relative to the reference.
+        Where rows of the loops depend on each other these are stages of all rows, and 0 is what no
+        way along closed loops is found to
     within_limits: whether all joints are within their limits; robot: whose they are
     """
 
@@ -205,7 +209,8 @@ def search(square: Square, asked: np.ndarray, key, most: int, seed: int) -> Mode
     while tried < most:
         count = min(ROUND, most - tried)
         q, good = problem.solve(scattered(problem, asked, count, random), asked, ITERATIONS)
-        gathered = gathered.with_more(q[good], key(square, q[good]), tried + np.flatnonzero(good))
+        if (hit := np.flatnonzero(good)).size:
+            gathered = gathered.with_more(q[hit], key(square, q[hit]), tried + hit)
         tried += count
         if len(gathered.q) > MOST:
             raise LinkworkError(
@@ -241,12 +246,28 @@ def told(problem: Solver, asked: np.ndarray, gathered: Gathered, key, tried: int
     q = gathered.q[order]
     given = {} if square.asked else dict(zip(square.what, asked.tolist(), strict=True))
     states = unwound(robot, q, given)
-    signs = problem.signs(q).astype(int)
+    signs = signs_of(problem, states.q).astype(int)
     inside = np.array([not limits.passed(robot, row) for row in states.positions], bool)
     hits, first = gathered.hits[order], gathered.first[order]
     asked = square.asked.told(asked) if square.asked else asked
     count = int(hits.sum())
     return Modes(square.what, asked, states, hits, first, tried, count, signs, inside, robot)
+
+
+def signs_of(problem: Solver, q: np.ndarray) -> np.ndarray:
+    """Return the signs of the stages' determinants (N, stages) at configurations (N, nq), by all
+    rows of stages some of whose rows could stand for others."""
+    rows = all_rows(problem.square)
+    if not rows.spared:
+        return problem.signs(q)
+    # Of stages without such rows they are told without a way.
+    modes, base = rows.leader.modes, problem.square.base[None]
+    signs, A = rows.led_signs(q, modes.turned), rows.matrix(np.concatenate([base, q]))
+    for k, stage in enumerate(modes.by_all_rows):
+        if len(stage.rows) == len(stage.columns):
+            own = np.sign(determinant(A, stage.rows, stage.columns))
+            signs[:, k] = own[1:] * own[0]
+    return signs
 
 
 def unwound(robot: Robot, q: np.ndarray, asked: Mapping[str, float]) -> State:

@@ -26,6 +26,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from linkwork.analysis.all_rows import all_rows, together
 from linkwork.analysis.square import Square, of_joints, of_tool
 from linkwork.checks import amount, reals, shown
 from linkwork.equations import functions
@@ -93,19 +94,45 @@ class Jacobians:
         function = functions.function("input_output", equations, outputs)
         return compile_function(function).given(self.robot.p)
 
-    def __call__(self, q: np.ndarray) -> InputOutput:
+    @property
+    def spared(self) -> bool:
+        """Whether rows of the loops are left out that could stand for others (`all_rows`)."""
+        return all_rows(self.inverse).spared or all_rows(self.direct).spared
+
+    def __call__(self, q: np.ndarray, sign: np.ndarray | float | None = None) -> InputOutput:
         """Return K (..., n, n), J (..., n, n), det B (...) and det A (...) for configurations q
-        (..., nq)."""
+        (..., nq).
+
+        Where rows of the loops depend on each other determinants are those by all rows, NaN where
+        no way along closed loops is found from the reference that would tell their signs.
+
+        Args:
+            q: closed configurations; sign: of det B (...), where it is known.
+        """
         given, size = reals(q), len(self.robot.home.q)
         if given is None or given.shape[-1:] != (size,):
             raise LinkworkError(
                 f"q is {shown(q)}; give {amount(size, 'number')} in the last axis, as a state's q"
             )
         q = given
+        if self.spared:
+            return self._by_all_rows(q, sign)
         K, J, det_B, det_A = self.kernel(q)
         n, batch = len(self.what), q.shape[:-1]
         K, J = (np.swapaxes(part.reshape(*batch, n, n), -1, -2) for part in (K, J))
         return InputOutput(K, J, det_B[..., 0], det_A[..., 0])
+
+    def _by_all_rows(self, q: np.ndarray, sign: np.ndarray | float | None) -> InputOutput:
+        inverse, direct = all_rows(self.inverse), all_rows(self.direct)
+        n, batch, q = len(self.what), q.shape[:-1], q.reshape(-1, q.shape[-1])
+        K, J = direct.asked(q) @ inverse.rates(q), inverse.asked(q) @ direct.rates(q)
+        sign = inverse.signs(q) if sign is None else np.broadcast_to(sign, batch).reshape(-1)
+        det_B, det_A = (
+            sign * inverse.sizes(q),
+            sign * direct.sizes(q) * together(inverse, direct, q),
+        )
+        K, J = (part.reshape(*batch, n, n) for part in (K, J))
+        return InputOutput(K, J, det_B.reshape(batch), det_A.reshape(batch))
 
     def lengths(self, characteristic: float | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Return what x' and q' are multiplied by to be lengths over time: 1, or the characteristic
@@ -198,17 +225,14 @@ def input_output(
     q = robot.own(state).q.reshape(-1, robot.equations.nq)
     rows, n = made.rows, len(made.what)
     A, B = np.zeros((len(q), n, n)), np.zeros((len(q), n, n))
-    kept, widths = list(robot.equations.chart.rows), robot.equations.tree.rate_units
-    loops = robot.equations.rows.units[kept]
+    loops, widths = robot.equations.rows.units, robot.equations.tree.rate_units
     x_heights = made.inverse.heights
     q_heights = made.direct.heights
     for k, one in enumerate(q):
         Phi, J_x, J_q = (np.array(part) for part in rows(one, robot.p))
         for i in range(n):
             heights = np.concatenate([loops, x_heights, q_heights[i : i + 1]])
-            relation = widest_relation(
-                np.vstack([Phi[kept], J_x, J_q[i]]) * widths / heights[:, None]
-            )
+            relation = widest_relation(np.vstack([Phi, J_x, J_q[i]]) * widths / heights[:, None])
             row = (relation / heights)[-1 - n :]
             row = row / np.linalg.norm(row)
             A[k, i], B[k, i, i] = row[:n], -row[n]

@@ -35,9 +35,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.analysis._jacobians import Jacobians, jacobians
-from linkwork.analysis.all_rows import determinants as by_all_rows
-from linkwork.analysis.all_rows import led, sign_at, sizes, spared
-from linkwork.analysis.grid_branches import GridBranch, actuated, tells_all
+from linkwork.analysis.all_rows import all_rows
+from linkwork.analysis.grid_branches import GridBranch, actuated, led, tells_all
 from linkwork.analysis.newton import CHUNK, Solver, in_threads, solver
 from linkwork.analysis.singular_values import singular_values
 from linkwork.checks import by_name, reals, shown
@@ -173,26 +172,28 @@ def reach(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return configurations (N, nq) at the poses, and which of these are reached on the working
     mode of the start (N)."""
-    every, told_apart = spared(J), tells_all(J)
     determinants = problem.verdict(start, poses.values[0])[1]
-    require_regular(sizes(J, J.inverse, start) if every else determinants)
+    require_regular(all_rows(J.inverse).sizes(start[None]) if J.spared else determinants)
     mode = np.sign(determinants)
-    if told_apart and not every:
+    if not tells_all(J):
+        # Signs do not tell all branches: what hangs together with the start is what is reached.
+        branch = (
+            GridBranch.by_all_rows(J) if J.spared else GridBranch.by_kept_rows(J, problem, mode)
+        )
+        q, good = branch.begun(start, poses.values)
+        for step in (partial(branch.walked, finest=COARSE), branch.walked_where_met):
+            spread(poses, q, good, step)
+    elif J.spared:
+        # A row that is kept may vanish in vain: the tool is led by all rows.
+        begin, here = (
+            np.tile(one, (len(poses.values), 1))
+            for one in (start, task.values(J.robot, start, J.task))
+        )
+        q, good = led(J, begin, here, poses.values)
+        spread(poses, q, good, partial(led, J))
+    else:
         q, good = problem.solve(start, poses.values, FAR, mode)
         spread(poses, q, good, lambda q, _, end: problem.solve(q, end, NEAR, mode))
-        return q, good
-    # Signs do not tell all branches: what hangs together with the start is what is reached.
-    branch = GridBranch(J, problem, mode)
-    q, good = branch.begun(start, poses.values)
-    for step in (partial(branch.walked, finest=COARSE), branch.walked_where_met):
-        spread(poses, q, good, step)
-    # A row that is kept may vanish in vain, and bar ways that the tool is led on by all rows: where
-    # these tell branches apart.
-    if every and told_apart:
-        left, here = np.flatnonzero(~good), task.values(J.robot, start, J.task)
-        begin, there = (np.tile(one, (left.size, 1)) for one in (start, here))
-        q[left], good[left] = led(J, begin, there, poses.values[left])
-        spread(poses, q, good, partial(led, J))
     return q, good
 
 
@@ -301,11 +302,9 @@ def dataset(
     # Quantities are measured where the tool gets to; all other poses of the grid hold NaN.
     robot, scale = J.robot, J.characteristic_length if length is None else length
     reached = np.flatnonzero(good)
-    values = measured(J, q[reached], rates, forces, scale)
-    if spared(J):  # all that is reached is on the side of the guess
-        sign = np.full(reached.size, sign_at(J, start))
-        kept = values["det_B"], values["det_A"]
-        values["det_B"], values["det_A"] = by_all_rows(J, q[reached], *kept, sign)
+    # All that is reached is on the side of the guess.
+    side = float(all_rows(J.inverse).along(start[None])[0]) if J.spared else None
+    values = measured(J, q[reached], rates, forces, scale, side)
     variables = {
         "reachable": (
             poses.dims,
@@ -355,20 +354,31 @@ def message(good: np.ndarray, poses: Poses) -> str:
 
 
 def measured(
-    J: Jacobians, q: np.ndarray, rates: np.ndarray | None, forces: np.ndarray | None, scale: float
+    J: Jacobians,
+    q: np.ndarray,
+    rates: np.ndarray | None,
+    forces: np.ndarray | None,
+    scale: float,
+    side: float | None,
 ) -> dict[str, np.ndarray]:
-    """Return what is measured at configurations (N, nq), by name."""
+    """Return what is measured at configurations (N, nq), by name; side: the sign of det B there,
+    where it is known."""
     parts = [slice(k, k + CHUNK) for k in range(0, max(len(q), 1), CHUNK)]
-    made = in_threads(lambda part: measured_at(J, q[part], rates, forces, scale), parts)
+    made = in_threads(lambda part: measured_at(J, q[part], rates, forces, scale, side), parts)
     return {name: np.concatenate([part[name] for part in made]) for name in made[0]}
 
 
 def measured_at(
-    J: Jacobians, q: np.ndarray, rates: np.ndarray | None, forces: np.ndarray | None, scale: float
+    J: Jacobians,
+    q: np.ndarray,
+    rates: np.ndarray | None,
+    forces: np.ndarray | None,
+    scale: float,
+    side: float | None,
 ) -> dict[str, np.ndarray]:
     """Return what is measured at few configurations."""
     turns = J.turning
-    K, inverse, det_B, det_A = J(q)
+    K, inverse, det_B, det_A = J(q, side)
     sigma = singular_values(J.homogeneous(K, scale))
     found = {
         "actuator_position": actuated(J, q),

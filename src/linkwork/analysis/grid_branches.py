@@ -16,12 +16,14 @@ by how the predictor differs).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from linkwork.analysis._jacobians import Jacobians
+from linkwork.analysis.all_rows import all_rows
 from linkwork.analysis.newton import Solver
 from linkwork.analysis.square import Square
 from linkwork.equations import functions
@@ -31,6 +33,7 @@ from linkwork.equations.tree import Tree
 from linkwork.kernels import Kernel, compile_function
 from linkwork.model import task
 from linkwork.model.asked import ToolAsked
+from linkwork.model.closing import closed
 from linkwork.robot import Robot
 
 LEG = 3  # most rates of a stage of one leg, in the plane, too
@@ -46,7 +49,8 @@ NEAREST = 16  # poses of a grid to which the straight ways from a guess are trie
 def tells_all(J: Jacobians) -> bool:
     """Tell whether the signs of the inverse problem's stages tell its branches apart: each stage is
     one leg's."""
-    rates, stages = J.robot.equations.tree.rates, J.inverse.chart.stages
+    rates, by_all = J.robot.equations.tree.rates, all_rows(J.inverse).leader.modes.by_all_rows
+    stages = by_all or J.inverse.chart.stages
     driven = {rates.index(name) for name in J.direct.what if name in rates}
     return all(len(s.columns) <= LEG and len(driven & {*s.columns}) <= 1 for s in stages)
 
@@ -97,11 +101,39 @@ class Ways:
 
 @dataclass(frozen=True, eq=False)
 class GridBranch:
-    """Go from pose to pose on one branch; mode: signs of the determinants."""
+    """Go from pose to pose on one branch.
+
+    solve: configurations (N, nq) on the mode, guesses (N, nq), poses (N, n) and Newton's steps ->
+        configurations, and which of them are at their poses and on the mode (N)
+    moving: (q, x') -> q' = W x', and the determinants of the stages
+    """
 
     J: Jacobians
-    problem: Solver
-    mode: np.ndarray
+    solve: Callable[[np.ndarray, np.ndarray, np.ndarray, int], tuple[np.ndarray, np.ndarray]]
+    moving: Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
+
+    @classmethod
+    def by_kept_rows(cls, J: Jacobians, problem: Solver, mode: np.ndarray) -> GridBranch:
+        """Return the one whose mode is told by the signs of the determinants of kept rows."""
+        moving = J.robot.once(branch_rates, J.inverse)
+        return cls(J, lambda _, q, y, steps: problem.solve(q, y, steps, mode), moving)
+
+    @classmethod
+    def by_all_rows(cls, J: Jacobians) -> GridBranch:
+        """Return the one whose mode is told by all rows, from one configuration to the next."""
+        rows = all_rows(J.inverse)
+        leader = rows.leader
+
+        def solve(here: np.ndarray, q: np.ndarray, y: np.ndarray, steps: int):
+            found = closed(leader.least.step, q, (y,), steps, contracting=False)
+            return found.q, leader.told(found, np.zeros(0), here)[1]
+
+        def moving(q: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            w = rows.rates(q) @ shift[..., None]
+            rates = (leader.outputs(q)["derivatives"] @ w)[..., 0]
+            return rates, leader.modes.sizes(rows.matrix(q))
+
+        return cls(J, solve, moving)
 
     @property
     def asked(self) -> ToolAsked:
@@ -111,11 +143,6 @@ class GridBranch:
     @cached_property
     def tree(self) -> Tree:
         return self.J.robot.equations.tree
-
-    @property
-    def moving(self) -> Kernel:
-        """(q, x') -> q' = W x', and the determinants of the stages."""
-        return self.J.robot.once(branch_rates, self.J.inverse)
 
     def begun(self, start: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return configurations (N, nq) at poses (N, n) to which straight ways lead from that of a
@@ -148,7 +175,7 @@ class GridBranch:
             aim = np.minimum(1.0, part[going] + np.minimum(length[going], LONGEST / swiftest))
             step = (aim - part[going])[:, None]
             ahead, there = unit(self.tree, here + step * rate), ways.at(going, aim)
-            reached, good = self.problem.solve(ahead, there, STEPS, self.mode)
+            reached, good = self.solve(here, ahead, there, STEPS)
             # It is on the arc where the rates at both of its ends tell what it came to.
             after, determinants = self.moving(reached, ways.shift[going])
             off = np.abs((reached - here - step / 2 * (rate + after)) / units).max(axis=1)
@@ -165,10 +192,21 @@ class GridBranch:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return what `walked` does, of those ways alone from whose beginnings Newton's method
         leads to a solution of the mode at their ends: most of the others leave what is reached."""
-        q, (_, good) = q.copy(), self.problem.solve(q, end, DIRECT, self.mode)
+        q, (_, good) = q.copy(), self.solve(q, q, end, DIRECT)
         some = np.flatnonzero(good)
         q[some], good[some] = self.walked(q[some], begin[some], end[some])
         return q, good
+
+
+def led(
+    J: Jacobians, q: np.ndarray, begin: np.ndarray, end: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return configurations (N, nq) to which straight ways (N, n) lead from others on a working
+    mode by all rows, as `Robot.assemble` leads the tool, and which of them to their ends (N)."""
+    leader, asked = all_rows(J.inverse).leader, J.inverse.asked
+    assert asked is not None
+    way = Ways.between(asked, begin, end).at
+    return leader.walked(q, way, np.arange(len(q)), leader.signs(q), leader.step)
 
 
 def branch_rates(robot: Robot, square: Square) -> Kernel:

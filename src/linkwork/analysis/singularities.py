@@ -33,9 +33,9 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from linkwork.analysis import all_rows
 from linkwork.analysis._jacobians import Jacobians, jacobians, of_actuators, stacked_rows
 from linkwork.analysis._workspace import require_workspace
+from linkwork.analysis.all_rows import all_rows
 from linkwork.analysis.singular_values import singular_values
 from linkwork.checks import among, needed
 from linkwork.equations import functions
@@ -224,13 +224,11 @@ def determinant_slopes(robot: Robot, made: Jacobians) -> Kernel:
 def distances(made: Jacobians, q: np.ndarray, length: float | None) -> dict[str, np.ndarray]:
     """Return det_A, det_B, conditioning, tool_distance and actuator_distance of configurations
     (N, nq)."""
-    K, _, det_B, det_A = made(q)
+    inverse, direct = all_rows(made.inverse), all_rows(made.direct)
+    K, _, det_B, det_A = made(q, inverse.along(q) if made.spared else None)
     sigma = singular_values(made.homogeneous(K, length))
-    if all_rows.spared(made):
-        signs = all_rows.signs_along(made, q)
-        det_B, det_A = all_rows.determinants(made, q, det_B, det_A, signs)
-        slope_A = all_rows.slopes(made, made.direct, made.inverse, q)
-        slope_B = all_rows.slopes(made, made.inverse, made.direct, q)
+    if made.spared:
+        slope_A, slope_B = direct.slopes(inverse, q), inverse.slopes(direct, q)
     else:
         slope_A, slope_B = made.robot.once(determinant_slopes, made)(q)
     x_scale, q_scale = made.lengths(length)

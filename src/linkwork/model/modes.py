@@ -10,7 +10,7 @@ determinant).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,15 +29,18 @@ FLAT = 1e-5  # determinant, relative to its size around the reference, whose sig
 
 class ModeStage(NamedTuple):
     """Hold a stage of [Phi; J]: places of its rows and columns, and the size of its determinant
-    around the reference.
-
-    spare: rows that are not kept, for they follow from others, the last of whose columns are here
-    """
+    around the reference."""
 
     rows: tuple[int, ...]
     columns: tuple[int, ...]
     size: float
-    spare: tuple[int, ...] = ()
+
+
+class AllRowsStage(NamedTuple):
+    """Hold a stage of all rows of [Phi; J], more than columns where some follow from others."""
+
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -46,10 +49,12 @@ class ModeStages:
     does more.
 
     chart: an order of elimination of [Phi; J], where it determines w
+    by_all_rows: the stages of all rows where some are left out that could stand for others
     """
 
     stages: tuple[ModeStage, ...] = ()
     chart: Chart | None = None
+    by_all_rows: tuple[AllRowsStage, ...] = ()
 
     def signs(self, A: np.ndarray) -> np.ndarray:
         """Return the signs of the determinants (..., stages), 0 near singular poses, for A =
@@ -63,7 +68,12 @@ class ModeStages:
 
     def alike(self, A: np.ndarray, other: np.ndarray) -> np.ndarray:
         """Tell by all rows which configurations are on the mode of others (K), for [Phi; J] of both
-        in own units.
+        in own units."""
+        return (self.turned(A, other) >= 0).all(axis=1)
+
+    def turned(self, A: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Return by all rows the signs of the determinants (K, stages) relative to those of near
+        configurations, for [Phi; J] of both in own units.
 
         Rows that depend on others may vanish where no pose is singular, and with them a determinant
         of kept ones. By all rows of a stage
@@ -73,16 +83,25 @@ class ModeStages:
         which changes its sign where all choices do at a time.
         Source: Horn & Johnson 2013, sec. 0.8.7 (Cauchy-Binet).
         """
-        found = np.ones(len(other), bool)
-        for stage in self.stages:
-            at = np.ix_((*stage.rows, *stage.spare), stage.columns)
-            found &= np.linalg.det(A[:, *at].swapaxes(1, 2) @ other[:, *at]) >= 0
+        found = np.ones((len(other), len(self.by_all_rows)))
+        for k, stage in enumerate(self.by_all_rows):
+            at = np.ix_(stage.rows, stage.columns)
+            found[:, k] = np.sign(np.linalg.det(A[:, *at].swapaxes(1, 2) @ other[:, *at]))
+        return found
+
+    def sizes(self, A: np.ndarray) -> np.ndarray:
+        """Return by all rows the sizes of the determinants (K, stages), for [Phi; J] in own
+        units."""
+        found = np.ones((len(A), len(self.by_all_rows)))
+        for k, stage in enumerate(self.by_all_rows):
+            part = A[:, *np.ix_(stage.rows, stage.columns)]
+            found[:, k] = np.linalg.svd(part, compute_uv=False).prod(axis=1)
         return found
 
     @property
     def spared(self) -> bool:
         """Whether rows are left out that could stand for others."""
-        return any(stage.spare for stage in self.stages)
+        return bool(self.by_all_rows)
 
     def told(self, parts: np.ndarray) -> np.ndarray:
         """Return the signs of determinants relative to their sizes, 0 near singular poses."""
@@ -118,20 +137,52 @@ def modes_of(equations: Equations, p: np.ndarray, asked: Asked) -> ModeStages:
         return ModeStages()
     pattern, read_off, stages = constancy(A), np.array(samples), []
     parts = triangular({r: tuple(pattern[r]) for r in kept})
-    stage_of = {c: k for k, (_, columns_of) in enumerate(parts) for c in columns_of}
-    # A row that is not kept belongs to the last stage that it touches.
-    spare: dict[int, list[int]] = {}
-    for row in sorted({*pattern} - {*kept}):
-        if pattern[row]:
-            spare.setdefault(max(stage_of[c] for c in pattern[row]), []).append(row)
-    for k, (rows_of, columns_of) in enumerate(parts):
+    for rows_of, columns_of in parts:
         columns = tuple(sorted(columns_of))
         if not all(pattern[r].get(c, True) for r in rows_of for c in columns):
             size = float(np.abs(determinant(read_off, rows_of, columns)).max())
-            stages.append(ModeStage(rows_of, columns, max(size, 1e-300), tuple(spare.get(k, ()))))
+            stages.append(ModeStage(rows_of, columns, max(size, 1e-300)))
     units = np.concatenate([equations.rows.units, asked.units])
     ((_, blocks, _),) = choose_orders(
         pattern, read_off[None] * (tree.rate_units / units[:, None]), kept, ()
     )
     ones = [1.0 for stage in blocks for _ in stage]
-    return ModeStages(tuple(stages), chart_of(blocks, ones, kept, (), equations.nv))
+    every = stages_by_all_rows(parts, stages, {row: {*pattern[row]} for row in pattern}, kept)
+    return ModeStages(tuple(stages), chart_of(blocks, ones, kept, (), equations.nv), every)
+
+
+def stages_by_all_rows(
+    parts: Sequence[tuple[tuple[int, ...], Collection[int]]],
+    changing: Sequence[ModeStage],
+    touched: Mapping[int, set[int]],
+    kept: Sequence[int],
+) -> tuple[AllRowsStage, ...]:
+    """Return the stages of all rows; none where none is left out.
+
+    A row that is left out may determine any rate that it touches, and by the rows that would have
+    done this those that these touch: their stages are one.
+    Source: Dulmage & Mendelsohn, Canadian J. Mathematics 10 (1958) 517-534 (the overdetermined
+    part).
+
+    Args:
+        parts: rows and columns of the stages of kept rows; changing: those that are not constant.
+        touched: columns of each row.
+    """
+    joined: list[tuple[set[int], set[int]]] = []
+    for row in sorted({*touched} - {*kept}):
+        rows, columns, reached = {row}, set(touched[row]), set[int]()
+        while columns != reached:
+            reached = set(columns)
+            for rows_of, columns_of in parts:
+                if reached.intersection(columns_of):
+                    rows.update(rows_of)
+                    columns.update(columns_of, *(touched[r] for r in rows_of))
+        for other in [group for group in joined if group[1] & columns]:
+            joined.remove(other)
+            rows, columns = rows | other[0], columns | other[1]
+        joined += [(rows, columns)] if columns else []
+    if not joined:
+        return ()
+    every = set[int]().union(*(columns for _, columns in joined))
+    alone = [(s.rows, s.columns) for s in changing if not every.intersection(s.columns)]
+    return tuple(AllRowsStage((*sorted(r),), (*sorted(c),)) for r, c in [*alone, *joined])
