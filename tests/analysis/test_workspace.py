@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 import xarray
+from scipy.spatial.transform import Rotation
 
 import linkwork as lw
 from linkwork.analysis import content, inscribed, jacobians, loci, workspace
@@ -72,6 +73,39 @@ def test_the_five_bar_reaches_what_both_legs_reach_on_every_working_mode():
     for guess in lw.analysis.working_modes(robot).states.positions:
         mapped = workspace(robot, {"x": x[:, 0], "y": y[0]}, guess=robot.state(guess))
         np.testing.assert_array_equal(mapped.reachable.values | edge, expected | edge)
+
+
+@pytest.mark.parametrize("mode", range(4))
+def test_parts_of_a_mode_that_no_neighbour_leads_to_are_found_on_coarse_grids(mode):
+    five_bar = lw.Robot(lw.robots.five_bar(base=0.356, proximal=0.218, distal=0.376))
+    guess = lw.analysis.working_modes(five_bar).states.at(mode)
+    axes = {"x": [-0.5, -0.066, 0.367, 0.8], "y": np.linspace(-0.6, 0.6, 11)}
+    mapped = workspace(five_bar, axes, guess=guess)
+    x, y = np.meshgrid(*axes.values(), indexing="ij")
+    legs = [np.hypot(x - foot, y) for foot in (0.0, 0.356)]
+    expected = np.all([(d < 0.594) & (d > 0.158) for d in legs], axis=0)
+    np.testing.assert_array_equal(mapped.reachable, expected)
+
+
+def test_straight_ways_from_the_guess_lead_where_no_neighbour_does():
+    """A ball of each leg of a 3-RRS has to be nearer to its motor than the leg is long, and farther
+    than its links differ by."""
+    base, platform, first, second = 0.201, 0.186, 0.1186, 0.2107
+    robot = lw.Robot(lw.robots.rrs3(base, platform, first, second, 0.244))
+    axes = {"rx": np.linspace(-0.8, 0.8, 11), "ry": [-0.8, -0.4, 0.0, 0.4, 0.8]}
+    mapped = workspace(robot, {"z": 0.1634, **axes})
+    turns = np.stack([*np.meshgrid(*axes.values(), indexing="ij"), np.zeros((11, 5))], axis=-1)
+    R, (rx, ry, _) = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix(), turns.reshape(-1, 3).T
+    tilt, azimuth = np.hypot(rx, ry), np.arctan2(-rx, ry)
+    aside = platform * (1 - np.cos(tilt)) / 2
+    P = np.stack([-aside * np.cos(2 * azimuth), aside * np.sin(2 * azimuth), 0 * rx + 0.1634], 1)
+    expected = np.ones(len(R), bool)
+    for f in (0.0, 2 * np.pi / 3, 4 * np.pi / 3):
+        e = np.array([np.cos(f), np.sin(f), 0.0])
+        ball = P + platform * R @ e
+        away = np.hypot(ball @ e - base, ball[:, 2])
+        expected &= (away < first + second) & (away > second - first)
+    np.testing.assert_array_equal(mapped.reachable.values.ravel(), expected)
 
 
 def test_the_3_prr_at_constant_orientation_reaches_a_triangle():

@@ -269,3 +269,30 @@ def test_a_way_that_is_walked_to_its_end_asks_for_no_other(monkeypatch):
     for name in ("approached", "led", "elsewhere"):
         monkeypatch.setattr(Leader, name, lambda *given: pytest.fail("it is on the way"))
     close(robot.tool_pose(robot.assemble(tool=pose)), pose, 1e-9)
+
+
+def test_random_configurations_keep_the_whole_turns_of_a_screw():
+    """A nut that climbs a spindle lifts a table on a column; a turn less would leave it a lead too
+    low."""
+    upright = (0.0, 0.0, 1.0)
+    solid = lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
+    robot = lw.Robot(
+        lw.Mechanism(
+            name="lift",
+            bodies={"nut": solid, "table": solid},
+            joints={
+                "spindle": lw.ScrewJoint(connects=("ground", "nut"), axis=upright, pitch=0.02),
+                "bearing": lw.RevoluteJoint(connects=("nut", "table"), axis=upright),
+                "column": lw.PrismaticJoint(connects=("ground", "table"), axis=upright),
+            },
+            actuators=("spindle",),
+            tools={"table": lw.Tool(body="table", task=("z",))},
+        )
+    )
+    leader, home = robot.leader_of_tool(asked_of(robot, 1), kept=True), robot.home.q
+    y, mode = np.array([[0.15]]), leader.signs(home[None])[0]
+    q, _, there = leader.scattered(home, home[None], y, mode, leader.step)
+    assert there.all()
+    state = robot.make_state(q, np.zeros((1, 1)))
+    assert robot.closure_error(state).max() < 1e-11
+    np.testing.assert_allclose(robot.tool_pose(state)[0, 2], 0.15, atol=1e-11)

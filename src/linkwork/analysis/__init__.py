@@ -10,7 +10,7 @@ from linkwork.analysis._error_budget import Contribution, ErrorBudget, error_bud
 from linkwork.analysis._jacobians import Jacobians, input_output, jacobians
 from linkwork.analysis._observability import Observability, best_poses, observability
 from linkwork.analysis._transmission_indices import TransmissionIndices, transmission_indices
-from linkwork.analysis._workspace import content, inscribed, workspace
+from linkwork.analysis._workspace import workspace
 from linkwork.analysis.calibration import Calibration, calibrate
 from linkwork.analysis.error_sources import ErrorSource
 from linkwork.analysis.excitation import Excitation, exciting_trajectory
@@ -21,6 +21,7 @@ from linkwork.analysis.linearisation import (
     stiffness_matrix,
     tool_stiffness,
 )
+from linkwork.analysis.mapped_extent import content, inscribed
 from linkwork.analysis.measured_poses import MeasuredPoses
 from linkwork.analysis.plugged_tree import PluggedTree
 from linkwork.analysis.possible_inertia import EstimatedPayload, payload, possible

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkwork.analysis._jacobians import jacobians
-from linkwork.analysis._workspace import content
+from linkwork.analysis.mapped_extent import content
 from linkwork.checks import names
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State

@@ -37,9 +37,15 @@ from numpy.typing import ArrayLike
 from linkwork.analysis._jacobians import Jacobians, jacobians
 from linkwork.analysis.all_rows import all_rows
 from linkwork.analysis.grid_branches import GridBranch, actuated, led, tells_all
-from linkwork.analysis.newton import CHUNK, Solver, in_threads, solver
+from linkwork.analysis.newton import (
+    CHUNK,
+    Solver,
+    in_threads,
+    random_configurations,
+    solver,
+)
 from linkwork.analysis.singular_values import singular_values
-from linkwork.checks import by_name, reals, shown
+from linkwork.checks import by_name, reals
 from linkwork.equations.algebra import wrapped
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.limits import limited
@@ -54,6 +60,8 @@ if TYPE_CHECKING:
     import xarray
 
 FAR, NEAR = 12, 10  # Newton steps from the guess, and from a neighbour
+STARTS, ITERATIONS = 4096, 40  # random configurations, and Newton's steps from each
+LONE = 256  # poses that no neighbour leads to, of which it is tried whether others do
 SINGULAR = 1e-9
 COARSE = 0.2  # part of the way to a neighbour, of steps that are tried before any shorter ones
 Step = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -181,8 +189,13 @@ def reach(
             GridBranch.by_all_rows(J) if J.spared else GridBranch.by_kept_rows(J, problem, mode)
         )
         q, good = branch.begun(start, poses.values)
-        for step in (partial(branch.walked, finest=COARSE), branch.walked_where_met):
-            spread(poses, q, good, step)
+        steps = partial(branch.walked, finest=COARSE), branch.walked_where_met
+        for step in steps:
+            spread(poses, q, good, step, good)
+        # Other neighbours, or straight ways from the start, may lead where the first one does not.
+        lone = some_of(~good)
+        q[lone], good[lone] = branch.begun(start, poses.values[lone], lone.size)
+        spread(poses, q, good, branch.walked_where_met, good, every=True)
     elif J.spared:
         # A row that is kept may vanish in vain: the tool is led by all rows.
         begin, here = (
@@ -190,11 +203,39 @@ def reach(
             for one in (start, task.values(J.robot, start, J.task))
         )
         q, good = led(J, begin, here, poses.values)
-        spread(poses, q, good, partial(led, J))
+        spread(poses, q, good, partial(led, J), good)
     else:
+
+        def near(q: np.ndarray, _: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return problem.solve(q, end, NEAR, mode)
+
         q, good = problem.solve(start, poses.values, FAR, mode)
-        spread(poses, q, good, lambda q, _, end: problem.solve(q, end, NEAR, mode))
+        spread(poses, q, good, near, good)
+        # A part of the mode that does not hang together with the rest on the grid.
+        lone = some_of(~good)
+        q[lone], good[lone] = scattered(problem, poses.values[lone], mode)
+        spread(poses, q, good, near, lone)
     return q, good
+
+
+def some_of(which: np.ndarray) -> np.ndarray:
+    """Return the places of some of those that are true (N), spread evenly over all of them."""
+    places = np.flatnonzero(which)
+    return places[:: max(1, -(-places.size // LONE))]
+
+
+def scattered(
+    problem: Solver, poses: np.ndarray, mode: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return configurations (N, nq) of a mode at poses (N, n) to which random ones lead (fixed
+    seed), and which these are (N)."""
+    count, random = len(poses), np.random.default_rng(1990)
+    each = STARTS // max(count, 16)
+    q = random_configurations(problem.square, problem.length, count * each, random)
+    q, good = problem.solve(q, np.repeat(poses, each, axis=0), ITERATIONS, mode)
+    good = good.reshape(count, each)
+    first = good.argmax(axis=1) + each * np.arange(count)
+    return q[first], np.asarray(good.any(axis=1))
 
 
 def require_regular(determinants: np.ndarray) -> None:
@@ -205,32 +246,55 @@ def require_regular(determinants: np.ndarray) -> None:
         )
 
 
-def spread(poses: Poses, q: np.ndarray, good: np.ndarray, step: Step) -> None:
-    """Solve, wave by wave, the poses beside those that are solved; q, good: written to."""
-    fresh = good.copy()
+def spread(
+    poses: Poses,
+    q: np.ndarray,
+    good: np.ndarray,
+    step: Step,
+    begin: np.ndarray,
+    every: bool = False,
+) -> None:
+    """Solve, wave by wave, the poses beside those that are solved; q, good: written to.
+
+    Args:
+        begin: where from, of what is solved.
+        every: go on from one neighbour after the other where the first does not lead there.
+    """
+    fresh = np.zeros(good.size, bool)
+    fresh[begin] = good[begin]
     while fresh.any():
-        targets, sources = neighbours(poses.shape, fresh, ~good)
+        pairs = neighbours(poses.shape, fresh, ~good)
         fresh = np.zeros(good.size, bool)
-        if not targets.size:
-            break
-        tried, solved = step(q[sources], poses.values[sources], poses.values[targets])
-        q[targets[solved]] = tried[solved]
-        fresh[targets[solved]] = good[targets[solved]] = True
+        for targets, sources in pairs[::-1] if every else [one_of(pairs, good.size)]:
+            left = ~good[targets]
+            targets, sources = targets[left], sources[left]
+            if targets.size:
+                tried, solved = step(q[sources], poses.values[sources], poses.values[targets])
+                q[targets[solved]] = tried[solved]
+                fresh[targets[solved]] = good[targets[solved]] = True
 
 
 def neighbours(
     shape: tuple[int, ...], sources: np.ndarray, targets: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the targets that have a source beside them on the grid, and one such source for each
-    (indices)."""
-    some, source = np.flatnonzero(sources), np.full(sources.size, -1)
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the targets that have a source beside them on the grid, and that source (indices),
+    side by side."""
+    some, found = np.flatnonzero(sources), []
     for axis, size in enumerate(shape):
         stride = prod(shape[axis + 1 :])
         place = some // stride % size
         for side in (1, -1):
             inside = some[(place + side >= 0) & (place + side < size)]
             inside = inside[targets[inside + side * stride]]
-            source[inside + side * stride] = inside
+            found.append((inside + side * stride, inside))
+    return found
+
+
+def one_of(pairs: list[tuple[np.ndarray, np.ndarray]], count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return each target once, with the last of its sources."""
+    source = np.full(count, -1)
+    for targets, sources in pairs:
+        source[targets] = sources
     found = np.flatnonzero(source >= 0)
     return found, source[found]
 
@@ -404,66 +468,3 @@ def largest_ball(rows: np.ndarray, bound: np.ndarray) -> np.ndarray:
     """
     with np.errstate(divide="ignore"):
         return (bound / np.linalg.norm(rows, axis=-1)).min(axis=-1)
-
-
-def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[str, float], float]:
-    """Return the centre and radius of the largest circle or sphere of reached poses, to the
-    accuracy of the grid.
-
-    Args:
-        mapped: a workspace over two or three lengths, equally spaced each; other coordinates
-            constant.
-        at_least: least conditioning that counts.
-
-    Returns:
-        centre by coordinate [m], radius [m]; the radius is zero where nothing is reached.
-
-    Raises:
-        LinkworkError: axes that are angles or not equally spaced.
-    """
-    from scipy.ndimage import distance_transform_edt
-
-    require_workspace(mapped, "reachable")
-    dims = mapped["reachable"].dims
-    axes = [mapped[name].values for name in dims]
-    for name, axis in zip(dims, axes, strict=True):
-        steps = np.diff(axis)
-        if (
-            mapped[name].attrs.get("units", "m") != "m"
-            or len(axis) < 2
-            or not np.allclose(steps, steps[0], rtol=1e-6, atol=0)
-        ):
-            raise LinkworkError(
-                f"{name} is no axis of equally spaced lengths; a circle or sphere lies in x, y, z"
-            )
-    inside = mapped["reachable"].values & ~(mapped["conditioning"].values < at_least)
-    spacing = [abs(axis[1] - axis[0]) for axis in axes]
-    distance = np.asarray(distance_transform_edt(np.pad(inside, 1), spacing))[
-        (slice(1, -1),) * len(dims)
-    ]
-    best = np.unravel_index(int(np.argmax(distance)), distance.shape)
-    centre = {str(name): float(axis[k]) for name, axis, k in zip(dims, axes, best, strict=True)}
-    return centre, float(distance[best])
-
-
-def require_workspace(mapped: object, *quantities: str) -> None:
-    """Refuse what is no workspace, or one without some quantities."""
-    import xarray
-
-    if not isinstance(mapped, xarray.Dataset) or not {*quantities} <= {*mapped}:
-        raise LinkworkError(
-            f"the workspace is {shown(mapped)}; give one made by linkwork.analysis.workspace"
-        )
-
-
-def content(mapped: xarray.Dataset) -> float:
-    """Return the area or volume of the reached poses [m, rad to the number of axes], to the
-    accuracy of the grid.
-
-    mapped: as `workspace` gives it, over at least one axis.
-    """
-    require_workspace(mapped, "reachable")
-    share = mapped["reachable"]
-    for name in share.dims:
-        share = share.astype(float).integrate(name)
-    return float(share)

@@ -25,6 +25,7 @@ from linkwork.analysis.square import Square
 from linkwork.equations.reference import unit
 from linkwork.model.closing import closed
 from linkwork.model.leading import Leader
+from linkwork.model.turning import closing
 from linkwork.robot import Robot
 
 SHORT = 1e-5  # part of unit rates by which differences are taken
@@ -109,7 +110,7 @@ class AllRows:
             gone = np.abs((found.q - here[going]) / tree.units).max(axis=1, initial=0.0)
             left = np.abs((found.q - here[going] - rest) / tree.units).max(axis=1, initial=0.0)
             good = found.met & (found.told[0] >= 0) & (gone <= 2 * STRIDE)
-            good &= (left <= far * (1 - NEARER * part)) | (part == 1)
+            good &= left <= np.where(part == 1, SHORTEST, far * (1 - NEARER * part))
             on = going[good]
             sign[on] *= turned(self.matrix(here[on]), self.matrix(found.q[good]))
             here[on] = found.q[good]
@@ -126,7 +127,8 @@ class AllRows:
         """Return a configuration (nq) with a whole turn more or less of the angle with which the
         straight way to it from another one opens the loops least."""
         tree, count = self.square.equations.tree, len(self.square.what)
-        places = [place for place, k in tree.single if not tree.slides[k]]
+        free = closing(self.square.robot.chart)
+        places = [place for place, k in tree.single if free[place] and not tree.slides[k]]
         out = self.leader.outputs(here[None])
         Phi = self.matrix(here[None])[0, :-count]
         to_rates = np.linalg.pinv(out["derivatives"][0]) / tree.rate_units[:, None]

@@ -144,14 +144,16 @@ class GridBranch:
     def tree(self) -> Tree:
         return self.J.robot.equations.tree
 
-    def begun(self, start: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def begun(
+        self, start: np.ndarray, poses: np.ndarray, first: int = NEAREST
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return configurations (N, nq) at poses (N, n) to which straight ways lead from that of a
-        start (nq), and which these are (N): of the nearest poses, or else of all."""
+        start (nq), and which these are (N): of the first nearest poses, or else of all."""
         here = task.values(self.J.robot, start, self.J.task)[None]
         begin, q = np.repeat(here, len(poses), axis=0), np.tile(start, (len(poses), 1))
         shift = Ways.between(self.asked, begin, poses).shift / self.J.inverse.heights
         order, good = np.argsort(np.linalg.norm(shift, axis=1)), np.zeros(len(poses), bool)
-        for some in (order[:NEAREST], order[NEAREST:]):
+        for some in (order[:first], order[first:]):
             if not good.any():
                 q[some], good[some] = self.walked(q[some], begin[some], poses[some])
         return q, good

@@ -34,8 +34,8 @@ import casadi as ca
 import numpy as np
 
 from linkwork.analysis._jacobians import Jacobians, jacobians, of_actuators, stacked_rows
-from linkwork.analysis._workspace import require_workspace
 from linkwork.analysis.all_rows import all_rows
+from linkwork.analysis.mapped_extent import require_workspace
 from linkwork.analysis.singular_values import singular_values
 from linkwork.checks import among, needed
 from linkwork.equations import functions

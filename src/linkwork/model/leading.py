@@ -20,12 +20,14 @@ import numpy as np
 from linkwork.checks import at
 from linkwork.equations.reference import unit
 from linkwork.equations.tree import Tree
-from linkwork.mechanism import Mechanism, ScrewJoint
+from linkwork.mechanism import Mechanism
 from linkwork.model.asked import ToolAsked, Way
 from linkwork.model.assembly import Assembler, UnreachableError
+from linkwork.model.charts import CompiledChart
 from linkwork.model.closing import Approach, Closed, Least, Step, closed
 from linkwork.model.leg_sides import LegSides, side_of
 from linkwork.model.modes import SAMPLES, SPREAD, ModeStages, same
+from linkwork.model.turning import closing
 from linkwork.model.walking import FINEST, FIRST, NEWTON, ROUNDS, Walker
 
 STARTS, ITERATIONS = 48, 40  # random configurations, and Newton's steps from each
@@ -45,7 +47,7 @@ class Leader:
     assembler: solves for one, by steps that are shortened until they lead nearer
     modes: what has to keep its signs
     strict: whether what is on another mode is refused, or else taken as it comes
-    mechanism; home: slides of its joints at home [m]
+    mechanism; home: slides of its joints at home [m]; chart: of its home
     """
 
     least: Least
@@ -56,6 +58,7 @@ class Leader:
     strict: bool
     mechanism: Mechanism
     home: np.ndarray
+    chart: CompiledChart
 
     def lead(self, start: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return q (N, nq) at what is asked (N, rows), from a closed configuration (nq).
@@ -238,9 +241,10 @@ class Leader:
         q, y = np.tile(unit(tree, q), (len(y), 1)), np.repeat(y, STARTS, axis=0)
         q, good, fits = self.closed(step, q, (y,), mode, False, near.repeat(STARTS, axis=0))
         fits[fits] = self.on_side(q[fits], start, mode)
-        threads = [n for n, joint in self.mechanism.pairs.items() if isinstance(joint, ScrewJoint)]
-        for place, rate in tree.single if not self.mechanism.gears else ():
-            if not tree.slides[rate] and tree.rates[rate] not in threads:
+        # Whole turns of a screw, or of a wheel in mesh, open loops.
+        free = closing(self.chart)
+        for place, rate in tree.single:
+            if free[place] and not tree.slides[rate]:
                 q[:, place] -= 2 * np.pi * np.round((q[:, place] - start[place]) / (2 * np.pi))
         away = np.where(fits, np.linalg.norm((q - start) / tree.units, axis=1), np.inf)
         nearest = away.reshape(-1, STARTS).argmin(axis=1) + STARTS * np.arange(len(y) // STARTS)

@@ -199,7 +199,7 @@ class Model(SetOnce):
             walker = Walker(compiled, modes, self.chart, asked) if compiled else None
             steps = self.least(asked, modes), compiled, walker
             slides = self.home.positions[~self.labels.angular]
-            given = self.assembler, modes, strict, self.mechanism, slides
+            given = self.assembler, modes, strict, self.mechanism, slides, self.chart
             self._leaders[key] = Leader(*steps, *given)
         return self._leaders[key]
 

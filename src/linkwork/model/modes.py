@@ -69,7 +69,7 @@ class ModeStages:
     def alike(self, A: np.ndarray, other: np.ndarray) -> np.ndarray:
         """Tell by all rows which configurations are on the mode of others (K), for [Phi; J] of both
         in own units."""
-        return (self.turned(A, other) >= 0).all(axis=1)
+        return np.asarray((self.turned(A, other) >= 0).all(axis=1))
 
     def turned(self, A: np.ndarray, other: np.ndarray) -> np.ndarray:
         """Return by all rows the signs of the determinants (K, stages) relative to those of near
