@@ -10,6 +10,7 @@ import linkwork as lw
 from linkwork import analysis
 from linkwork.analysis import base_parameters, exciting_trajectory, identify, periodic
 from linkwork.analysis._base_parameters import random_motions
+from linkwork.analysis.identification import tracked
 
 from tests.analysis.mechanisms import arm, cart
 from tests.catalogue import built
@@ -334,3 +335,16 @@ def far():
     return exciting_trajectory(
         robot, period=1.0, ranges=ranges, rates=1e3, accelerations=1e4, trials=5
     )
+
+
+def test_measured_positions_are_tracked_where_a_kept_row_vanishes():
+    """The tool of a Tripteron moves as its slides; a leg's links turn by more than a right angle
+    together on the way."""
+    robot = built("tripteron")
+    slides = np.linspace(0, 1, 15)[:, None] * np.array([-0.16, 0.25, -0.34])
+    state = robot.make_state(tracked(robot, slides, robot.home.q), np.zeros((15, 3)))
+    assert robot.closure_error(state).max() < 1e-11
+    np.testing.assert_allclose(robot.tool_pose(state)[:, :3], slides, atol=1e-10)
+    elbows = state.positions[:, [robot.coordinates.index(f"elbow_{k}") for k in (1, 2, 3)]]
+    assert (np.cos(elbows) > 0).all()
+    assert state.at(-1)["root_2"] + state.at(-1)["elbow_2"] > np.pi / 2

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from linkwork.analysis.newton import solver
 from linkwork.analysis.square import Square
 from linkwork.equations.reference import unit
 from linkwork.model.closing import closed
@@ -159,6 +160,18 @@ def together(inverse: AllRows, direct: AllRows, q: np.ndarray) -> np.ndarray:
     base, other = inverse.square.base[None], direct.square.base[None]
     signs = whole(inverse.matrix(at := np.concatenate([base, q])), direct.matrix(at))[:, 0]
     return signs[1:] * signs[0] * whole(direct.matrix(base), direct.matrix(other))[0, 0]
+
+
+def on_mode(
+    square: Square, start: np.ndarray, y: np.ndarray, steps: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return configurations (N, nq) at what a square system asks for (N, n), on the mode of a start
+    (nq) to which Newton's steps lead, or straight ways by all rows; and which these are (N)."""
+    if (rows := all_rows(square)).spared:
+        q, there, _ = rows.leader.led(start, y)
+        return q, there
+    problem = solver(square)
+    return problem.solve(start, y, steps, problem.signs(start))
 
 
 def all_rows(square: Square) -> AllRows:

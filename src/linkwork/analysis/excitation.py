@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.analysis._base_parameters import Base, base_parameters
 from linkwork.analysis._workspace import positive
+from linkwork.analysis.all_rows import on_mode
 from linkwork.analysis.identification import fourier, tracked
 from linkwork.analysis.newton import Solver, solver
 from linkwork.analysis.square import of_joints
@@ -133,7 +134,7 @@ class Search:
         q_a, v, dv = trial.sample(time)
         robot = self.problem.square.robot
         start = robot.home.q
-        q, good = self.problem.solve(start, q_a, 12, self.problem.signs(start))
+        q, good = on_mode(self.problem.square, start, q_a, 12)
         if not good.all():
             return None
         states = robot.make_state(q, v)

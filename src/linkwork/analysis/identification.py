@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.analysis._base_parameters import NEGLIGIBLE, Base, base_parameters, pace
-from linkwork.analysis.newton import solver
+from linkwork.analysis.all_rows import on_mode
 from linkwork.analysis.square import of_joints
 from linkwork.checks import finite, needed, shown
 from linkwork.errors import LinkworkError
@@ -281,8 +281,7 @@ def fourier(t: np.ndarray, omega: float, harmonics: int, order: int) -> np.ndarr
 
 def tracked(robot: Robot, positions: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Return q (N, nq) along actuated coordinates (N, n), on the assembly mode of a start (nq)."""
-    problem = solver(of_joints(robot, robot.actuators))
-    q, good = problem.solve(start, positions, 30, problem.signs(start))
+    q, good = on_mode(of_joints(robot, robot.actuators), start, positions, 30)
     if not good.all():
         k = int(np.argmin(good))
         where = ", ".join(
