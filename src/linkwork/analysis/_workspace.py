@@ -180,14 +180,12 @@ def reach(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return configurations (N, nq) at the poses, and which of these are reached on the working
     mode of the start (N)."""
-    determinants = problem.verdict(start, poses.values[0])[1]
+    determinants, by_all = problem.verdict(start, poses.values[0])[1], all_rows(J.inverse).spared
     require_regular(all_rows(J.inverse).sizes(start[None]) if J.spared else determinants)
     mode = np.sign(determinants)
     if not tells_all(J):
         # Signs do not tell all branches: what hangs together with the start is what is reached.
-        branch = (
-            GridBranch.by_all_rows(J) if J.spared else GridBranch.by_kept_rows(J, problem, mode)
-        )
+        branch = GridBranch.by_all_rows(J) if by_all else GridBranch.by_kept_rows(J, problem, mode)
         q, good = branch.begun(start, poses.values)
         steps = partial(branch.walked, finest=COARSE), branch.walked_where_met
         for step in steps:
@@ -196,7 +194,7 @@ def reach(
         lone = some_of(~good)
         q[lone], good[lone] = branch.begun(start, poses.values[lone], lone.size)
         spread(poses, q, good, branch.walked_where_met, good, every=True)
-    elif J.spared:
+    elif by_all:
         # A row that is kept may vanish in vain: the tool is led by all rows.
         begin, here = (
             np.tile(one, (len(poses.values), 1))

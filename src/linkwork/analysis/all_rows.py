@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -42,15 +43,24 @@ Turned = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class AllRows:
-    """Evaluate a square system by all rows; leader: leads in what it asks for."""
+    """Evaluate a square system by all rows."""
 
     square: Square
-    leader: Leader
+
+    @cached_property
+    def leader(self) -> Leader:
+        """Return what leads in what the system asks for."""
+        robot, asked = self.square.robot, self.square.asked
+        if asked is not None:
+            return robot.leader_of_tool(asked, kept=True)
+        return robot.leader_of_joints(robot.joints_asked(self.square.what))
 
     @property
     def spared(self) -> bool:
         """Whether rows are left out that could stand for others."""
-        return self.leader.modes.spared
+        equations = self.square.equations
+        every = len(equations.chart.rows) == len(equations.rows.names)
+        return not every and self.leader.modes.spared
 
     def matrix(self, q: np.ndarray) -> np.ndarray:
         """Return A (N, rows, nv) of configurations (N, nq), in the mechanism's own units."""
@@ -179,7 +189,5 @@ def all_rows(square: Square) -> AllRows:
     return square.robot.once(_all_rows, square)
 
 
-def _all_rows(robot: Robot, square: Square) -> AllRows:
-    if square.asked is not None:
-        return AllRows(square, robot.leader_of_tool(square.asked, kept=True))
-    return AllRows(square, robot.leader_of_joints(robot.joints_asked(square.what)))
+def _all_rows(_: Robot, square: Square) -> AllRows:
+    return AllRows(square)

@@ -49,8 +49,8 @@ NEAREST = 16  # poses of a grid to which the straight ways from a guess are trie
 def tells_all(J: Jacobians) -> bool:
     """Tell whether the signs of the inverse problem's stages tell its branches apart: each stage is
     one leg's."""
-    rates, by_all = J.robot.equations.tree.rates, all_rows(J.inverse).leader.modes.by_all_rows
-    stages = by_all or J.inverse.chart.stages
+    rates, rows = J.robot.equations.tree.rates, all_rows(J.inverse)
+    stages = rows.leader.modes.by_all_rows if rows.spared else J.inverse.chart.stages
     driven = {rates.index(name) for name in J.direct.what if name in rates}
     return all(len(s.columns) <= LEG and len(driven & {*s.columns}) <= 1 for s in stages)
 
