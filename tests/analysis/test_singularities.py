@@ -66,6 +66,8 @@ def test_the_jacobians_where_a_row_that_is_kept_vanishes(turned):
     assert det_B > 0.1
     A, B = input_output(robot, state)
     np.testing.assert_allclose(A, B, atol=1e-12)
+    both = jacobians(robot)(np.stack([state.q, np.nan * state.q]))
+    assert all(np.isfinite(part[0]).all() and np.isnan(part[1]).all() for part in both)
 
 
 def test_the_five_bar_s_determinants_in_closed_form():

@@ -125,12 +125,15 @@ class Jacobians:
     def _by_all_rows(self, q: np.ndarray, sign: np.ndarray | float | None) -> InputOutput:
         inverse, direct = all_rows(self.inverse), all_rows(self.direct)
         n, batch, q = len(self.what), q.shape[:-1], q.reshape(-1, q.shape[-1])
+        # Of coordinates that are no numbers nothing is told.
+        told = np.asarray(np.isfinite(q).all(axis=1))
+        q = np.where(told[:, None], q, self.inverse.base)
         K, J = direct.asked(q) @ inverse.rates(q), inverse.asked(q) @ direct.rates(q)
         sign = inverse.signs(q) if sign is None else np.broadcast_to(sign, batch).reshape(-1)
-        det_B, det_A = (
-            sign * inverse.sizes(q),
-            sign * direct.sizes(q) * together(inverse, direct, q),
-        )
+        sign = np.where(told, sign, np.nan)
+        K, J = (np.where(told[:, None, None], part, np.nan) for part in (K, J))
+        det_B = sign * inverse.sizes(q)
+        det_A = sign * direct.sizes(q) * together(inverse, direct, q)
         K, J = (part.reshape(*batch, n, n) for part in (K, J))
         return InputOutput(K, J, det_B.reshape(batch), det_A.reshape(batch))
 
