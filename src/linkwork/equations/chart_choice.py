@@ -131,10 +131,12 @@ def eliminated(
 def chart_in(
     equations: Equations, Phi: np.ndarray, independent: Sequence[int], least: float = DETERMINED
 ) -> Chart | None:
-    """Return the chart in given independent rates that is good at one configuration, as
-    `charts_in`; None where there is none.
+    """Return the chart in given independent rates that is good at one configuration; None where
+    there is none.
 
-    Phi: the constraint Jacobian there (all rows x nv).
+    Args:
+        equations, independent, least: as for `charts_in`.
+        Phi: the constraint Jacobian there (all rows x nv).
     """
     found = charts_in(equations, Phi[None], independent, least)
     return found[0][1] if found else None
