@@ -149,9 +149,10 @@ def test_the_workspace_is_what_all_legs_reach(name):
 
 
 @pytest.mark.parametrize("rod_mass", [0.0, 0.1])
-def test_the_par4_s_workspace_keeps_to_one_branch_of_legs_and_plate(rod_mass):
-    """Its plate comes back to the sign of its determinant where it and a leg have folded: none such
-    is reached. With rods of mass all legs are one stage."""
+def test_the_par4_s_workspace_keeps_to_one_branch_of_legs(rod_mass):
+    """Its legs hold the halves of the plate where that is flat, but for a few poses that ways lead
+    around: none is reached but as closed forms say, with elbows outward and halves unturned, and
+    most are. With rods of mass all legs are one stage."""
     robot, ends = lw.Robot(lw.robots.par4(rod_mass=rod_mass)), LED["par4"][0]
     sides = np.linspace(-0.9, 0.8, 9), np.linspace(-0.8, 0.9, 9)
     heights, turns = np.linspace(-1.1, 0.3, 9), np.linspace(-3.0, 3.0, 7)
@@ -160,9 +161,8 @@ def test_the_par4_s_workspace_keeps_to_one_branch_of_legs_and_plate(rod_mass):
     grid = np.meshgrid(*axes.values(), indexing="ij")
     poses = np.stack([part.ravel() for part in grid], axis=1)
     closed = np.array([-arms("par4", ends(*pose)) for pose in poses])
-    regular = np.abs(grid[3].ravel()) < np.pi / 2
-    within, reached = np.isfinite(closed).all(axis=1) & regular, np.ravel(mapped["reachable"])
-    assert not (reached & ~within).any() and reached.sum() > 0.7 * within.sum()
+    within, reached = np.isfinite(closed).all(axis=1), np.ravel(mapped["reachable"])
+    assert not (reached & ~within).any() and reached.sum() > 0.95 * within.sum()
     found = mapped["actuator_position"].values.reshape(closed.shape)
     np.testing.assert_allclose(np.exp(1j * found[reached]), np.exp(1j * closed[reached]), atol=1e-9)
 
