@@ -61,7 +61,7 @@ def equilibrium_told(robot: Robot, found: analysis.Equilibrium) -> dict[str, Any
 
 
 def modes_at(
-    robot: Robot, state: State, forces: np.ndarray
+    robot: Robot, state: State, forces: np.ndarray | dict[str, float]
 ) -> tuple[analysis.NaturalModes | None, str]:
     """Return the natural modes of a state under forces, if it stays at rest and has any, and what
     equilibrium it is in."""
