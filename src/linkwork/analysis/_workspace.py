@@ -366,7 +366,8 @@ def dataset(
     reached = np.flatnonzero(good)
     # All that is reached is on the side of the guess.
     side = float(all_rows(J.inverse).along(start[None])[0]) if J.spared else None
-    values = measured(J, q[reached], rates, forces, scale, side)
+    at = partial(measured_at, J, rates=rates, forces=forces, scale=scale, side=side)
+    values = measured(q[reached], at)
     variables = {
         "reachable": (
             poses.dims,
@@ -416,17 +417,11 @@ def message(good: np.ndarray, poses: Poses) -> str:
 
 
 def measured(
-    J: Jacobians,
-    q: np.ndarray,
-    rates: np.ndarray | None,
-    forces: np.ndarray | None,
-    scale: float,
-    side: float | None,
+    q: np.ndarray, at: Callable[[np.ndarray], dict[str, np.ndarray]]
 ) -> dict[str, np.ndarray]:
-    """Return what is measured at configurations (N, nq), by name; side: the sign of det B there,
-    where it is known."""
+    """Return what is measured at configurations (N, nq), by name; at: what is at few of them."""
     parts = [slice(k, k + CHUNK) for k in range(0, max(len(q), 1), CHUNK)]
-    made = in_threads(lambda part: measured_at(J, q[part], rates, forces, scale, side), parts)
+    made = in_threads(lambda part: at(q[part]), parts)
     return {name: np.concatenate([part[name] for part in made]) for name in made[0]}
 
 
@@ -438,7 +433,8 @@ def measured_at(
     scale: float,
     side: float | None,
 ) -> dict[str, np.ndarray]:
-    """Return what is measured at few configurations."""
+    """Return what is measured at few configurations; side: the sign of det B there, where it is
+    known."""
     turns = J.turning
     K, inverse, det_B, det_A = J(q, side)
     sigma = singular_values(J.homogeneous(K, scale))

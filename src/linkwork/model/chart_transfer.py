@@ -97,8 +97,8 @@ def start(
     """
     own, shorter = robot.chart, robot.run_chart
     if last is not None:
-        known = {own.key: own, shorter.key: shorter}.get(last) or robot.run_charts.get(last)
-        return known or robot.run_charts.setdefault(last, own.in_chart(last)), state.rates
+        known = {own.key: own, shorter.key: shorter}.get(last)
+        return known or robot.run_charts.of(last, own), state.rates
     if state.independent != robot.independent:
         return robot.charts[state.independent], state.rates
     if shorter is own:

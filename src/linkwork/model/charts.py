@@ -371,6 +371,10 @@ class Charts(MutableMapping[Any, CompiledChart]):
         parameters."""
         return Charts(p, self._shared)
 
+    def of(self, key: Chart, like: CompiledChart) -> CompiledChart:
+        """Return the chart of a key, of the same equations as another one where it is new."""
+        return self.get(key) or self.setdefault(key, like.in_chart(key))
+
     def __getitem__(self, key: Any) -> CompiledChart:
         chart = self._own.get(key)
         if chart is None:

@@ -37,9 +37,8 @@ def ordered(
     weakest = chart.single("tree_rates").flat(q, np.zeros(len(chart.independent)), given).item(-1)
     if abs(weakest) > checks.sure(chart.key) or not np.isfinite(q).all():
         return chart
-    with BUILDING:
-        other = chart.anew(q, chart.key.independent, p=p)
-        return chart if other is None else robot.run_charts.setdefault(other.key, other)
+    found = ordered_alike(robot, chart, q[None], None if p is None else p[None])
+    return found[0][1] if found else chart
 
 
 def evaluated(
@@ -85,8 +84,6 @@ def ordered_alike(
     """Return the charts of a chart's rates in good orders at configurations (K, nq), each with the
     numbers of those at which it is one; none where they have none."""
     with BUILDING:
-        known, Phi = robot.run_charts, chart.constraint_jacobian(q, p)
-        return [
-            (own, known.get(key) or known.setdefault(key, chart.in_chart(key)))
-            for own, key in charts_in(chart.equations, Phi, chart.key.independent)
-        ]
+        Phi = chart.constraint_jacobian(q, p)
+        found = charts_in(chart.equations, Phi, chart.key.independent)
+        return [(own, robot.run_charts.of(key, chart)) for own, key in found]

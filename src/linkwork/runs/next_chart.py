@@ -63,7 +63,7 @@ def choices(
     with BUILDING:
         sound, found = robot.known_charts.at(Phi)
         for members, key in found:
-            candidate = charts.get(key) or charts.setdefault(key, robot.chart.in_chart(key))
+            candidate = charts.of(key, robot.chart)
             if candidate.order == chart.order:
                 continue
             taken = sound[members]
