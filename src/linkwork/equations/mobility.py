@@ -44,17 +44,12 @@ def freedoms(joint: PairJoint, planar: bool) -> int:
 
 def refuse_locked(topology: Topology, tree: Tree, rows: Sequence[str], Phi: np.ndarray) -> None:
     """Refuse a mechanism without motion; the loop named is the one that takes the last freedom."""
-    if len(Phi) < Phi.shape[1] or np.linalg.matrix_rank(Phi, RANK) < Phi.shape[1]:
+    count, width = Phi.shape
+    if count < width or np.linalg.matrix_rank(Phi, RANK) < width:
         return
     joints = [row.partition(": ")[0] for row in rows]
-    last = next(
-        (
-            k
-            for k in range(len(joints))
-            if np.linalg.matrix_rank(Phi[: k + 1], RANK) == Phi.shape[1]
-        ),
-        len(joints) - 1,
-    )
+    locking = (k for k in range(count) if np.linalg.matrix_rank(Phi[: k + 1], RANK) == width)
+    last = next(locking, count - 1)
     loop = loop_of(topology, joints[last]) if joints else ()
     cause = (
         f"the loop of {', '.join(loop)} leaves it no motion"

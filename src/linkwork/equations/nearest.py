@@ -121,9 +121,9 @@ def moved(joints: JointMap, q: np.ndarray, p: np.ndarray | None = None) -> dict[
     """Return the coordinates that the reference names and that a closed q (nq) has farther off than
     rough numbers explain, by name, with what they are there [m, rad]."""
     mechanism, (r, periodic) = joints.mechanism, differences(joints)
-    off = shortest(joints.tree.evaluated("differences", [r], p)(q)[0], periodic)
-    positions = np.array(joints.tree.evaluated("x", [joints.positions()], p)(q)[0]).ravel()
-    values = dict(zip(mechanism.coordinates, positions.tolist(), strict=True))
+    r, positions = joints.tree.evaluated("differences", [r, joints.positions()], p)(q)
+    off = shortest(r, periodic)
+    values = dict(zip(mechanism.coordinates, np.array(positions).ravel().tolist(), strict=True))
     rates = [label for name, joint in mechanism.pairs.items() for label in joint.rates(name)]
     return {
         label: values[label]

@@ -14,6 +14,7 @@ rows).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import sqrt
 
 import numpy as np
@@ -55,7 +56,14 @@ def reflect(A: np.ndarray, dependent: float = DEPENDENT_ROW) -> Reflections:
 
     dependent: what is left of a dependent row, over the longest row
     """
-    return reflected(A, dependent)[0]
+    return remembered(np.asarray(A, float).tobytes(), A.shape, dependent)
+
+
+@lru_cache(maxsize=1)
+def remembered(numbers: bytes, shape: tuple[int, ...], dependent: float) -> Reflections:
+    """Return the reflections of a matrix, given as bytes; those of the last one are remembered: its
+    rows, what they hold and what they leave free are asked for one after the other."""
+    return reflected(np.frombuffer(numbers).reshape(shape), dependent)[0]
 
 
 def reflected(A: np.ndarray, dependent: float = DEPENDENT_ROW) -> tuple[Reflections, np.ndarray]:
