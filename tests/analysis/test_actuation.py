@@ -384,6 +384,7 @@ def test_refusals_of_the_model(tmp_path):
         (lambda: model.at([0, np.nan]), "the coordinates"),
         (lambda: model.joint_torques(home, [1, 2, 3]), "give motor_left, motor_right"),
         (lambda: model.inertia(home, "feet"), "side is 'feet'"),
+        (lambda: model.bias(home, np.array(["joints", "motors"])), r"side is array\("),
         (lambda: model.speed_limits(home, [1, 0]), "speed limits are"),
         (lambda: model.motor_gains(home, [1, 2, 3]), "kp has the shape"),
         (lambda: model.write_c(tmp_path / "leg.txt"), "C is written to a file .c"),

@@ -10,6 +10,7 @@ from linkwork import LinkworkError, motions
 RANDOM = np.random.default_rng(12)
 DRAWN = [10 ** RANDOM.uniform(-2, 2, 4) for _ in range(60)]
 LIMITS = {"speed": 0.8, "acceleration": 3.0, "jerk": 20.0}
+WAY = motions.s_curve(0.4, **LIMITS)
 
 
 def peaks(profile):
@@ -118,6 +119,12 @@ def test_the_cycloid_is_exact():
     assert profile(t, 2)[:, 0] == pytest.approx(2 * np.pi * np.sin(2 * np.pi * t), abs=1e-13)
 
 
+def test_derivatives_beyond_the_degree_vanish():
+    assert WAY(0.1, 3) != 0 and WAY.extremes(3) == pytest.approx(LIMITS["jerk"])
+    for order in (4, 5, 50):
+        assert WAY(0.1, order) == 0 == WAY.extremes(order)
+
+
 def test_a_profile_gives_the_law_of_a_path():
     profile = motions.s_curve(0.4, **LIMITS)
     tau = np.linspace(0, 1, 11)
@@ -139,6 +146,15 @@ def test_a_profile_gives_the_law_of_a_path():
         (lambda: motions.trapezoidal(1.0, acceleration=1, jerk=1), "keeps no limit of the jerk"),
         (lambda: motions.polynomial(1.0, speed=1, degree=4), "the degree is 4; give 3, 5, 7"),
         (lambda: motions.cycloidal(1.0), "has to have a limit of its speed"),
+        (lambda: WAY(0.1, -1), "the order is -1; give a whole number, 0 of the coordinates"),
+        (lambda: WAY("soon"), "the times are 'soon'; give numbers"),
+        (lambda: WAY.extremes(1.5), "the order is 1.5; give a whole number"),
+        (lambda: WAY.along([0.0, np.nan], [1.0, 1.0]), r"start\[1\] is nan; give finite numbers"),
+        (lambda: WAY.along([0.0], [1.0, 1.0]), r"the shapes \(1,\) and \(2,\); give as many"),
+        (
+            lambda: WAY.along([0.0] * 2, [1.0] * 2).along([0.0] * 3, [1.0] * 3),
+            "the profile is of 2 coordinates; lead 3 coordinates along a profile of one",
+        ),
         (lambda: motions.AxisLimits(), "no limit is given"),
         (lambda: motions.AxisLimits(speed=-1), "the speed limit is -1.0; give a positive"),
         (lambda: motions.AxisLimits(jerk=[1, 0]), "the jerk limit of coordinate 1 is 0"),

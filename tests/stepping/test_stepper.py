@@ -276,6 +276,7 @@ def test_forces_that_do_not_fit(robot, begun, u, sentence):
     ("options", "sentence"),
     [
         ({"dt": 0.0}, "dt is 0.0; give a positive number"),
+        ({"method": np.array(["rk4", "rk4"])}, r"there is no method array\("),
         ({"method": "euler"}, "there is no method 'euler'; there are"),
         ({"step": 1e-3}, "there is no option of a stepper 'step'; there are drives"),
         ({"state": 3}, "a state is needed, not int"),
@@ -294,6 +295,8 @@ def test_calls_that_do_not_fit(robot, begun):
     stack = robot.state(np.tile(begun.positions, (2, 1)))
     for call, sentence in (
         (lambda: stepper.step(steps=0), "steps is 0; give a whole number, at least 1"),
+        (lambda: stepper.step([9.0] * 3, steps=np.array([1, 2])), r"steps is array\(\[1, 2\]\)"),
+        (lambda: stepper.step(steps=True), "steps is True; give numbers"),
         (lambda: stepper.step(out=np.zeros(3)), r"out is float64 of shape \(3,\); give an array"),
         (lambda: stepper.step(out=[0.0] * 10), "out is .*; give an array of floats of shape"),
         (lambda: stepper.step(out=np.broadcast_to(0.0, 10)), "out cannot be written"),
@@ -305,7 +308,7 @@ def test_calls_that_do_not_fit(robot, begun):
     ):
         with pytest.raises(lw.LinkworkError, match=sentence):
             call()
-    assert stepper.time == 0.0
+    assert stepper.time == 0.0 and not stepper.u.any()
     other = robot.stepper(begun, DT, SAMPLED)
     with pytest.raises(lw.LinkworkError, match="forces of this stepper are those that it was made"):
         other.step(FORCES)

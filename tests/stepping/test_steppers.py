@@ -280,6 +280,8 @@ def test_states_are_copied_or_written_where_asked(robot):
             {"method": "rodas"},
             "together by 'rk4' or 'symplectic_euler', not by 'rodas'; make a stepper",
         ),
+        ({"method": np.array(["rk4", "rk4"])}, r"not by array\(.*; make a stepper of each"),
+        ({"readings": 3}, "readings are 3; give a list of functions"),
         ({"rtol": 1e-3}, "there is no option of steppers 'rtol'; there are drives"),
         ({"threads": 0}, "threads is 0; give a whole number, at least 1"),
         ({"dt": -1.0}, "dt is -1.0; give a positive number"),
@@ -304,6 +306,7 @@ def test_calls_that_do_not_fit(robot):
         (lambda: many.step("abc"), "forces are 'abc'; give"),
         (lambda: many.step(1j * u), "forces are array.*; give"),
         (lambda: many.step(u, steps=0), "steps is 0; give a whole number"),
+        (lambda: many.step(u, steps=np.array([1, 2])), r"steps is array\(\[1, 2\]\)"),
         (lambda: many.step(u, out=np.zeros(3)), r"out is float64 of shape \(3,\)"),
         (lambda: many.reset(99), "index 99 does not fit 37 robots"),
         (lambda: many.reset([1, 1]), r"index \[1, 1\] does not fit 37 robots; give .* different"),
@@ -319,4 +322,5 @@ def test_calls_that_do_not_fit(robot):
             call()
     with pytest.raises(ValueError, match="read-only"):
         many.status[0] = 0
+    assert not many.u.any()
     np.testing.assert_array_equal(many.time, 0.0)

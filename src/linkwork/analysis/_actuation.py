@@ -177,14 +177,14 @@ class ActuationModel:
     def inertia(self, state: State, side: Side = "joints") -> np.ndarray:
         """Return the apparent inertia (..., k, k) at the joints, or at the motors: that of the
         whole mechanism, the other independent rates held."""
-        name = "joint_inertia" if side == "joints" or self._of_joints(side) else "motor_inertia"
+        name = "joint_inertia" if self._of_joints(side) else "motor_inertia"
         found = self._quick[name](state)
         return self._matrix(name, state) if found is None else found
 
     def bias(self, state: State, side: Side = "joints") -> np.ndarray:
         """Return h (..., k), C v + G - f: the torques at the joints, or at the motors, without
         accelerations of these."""
-        name = "joint_bias" if side == "joints" or self._of_joints(side) else "motor_bias"
+        name = "joint_bias" if self._of_joints(side) else "motor_bias"
         found = self._of_state[name](state)
         if found is None:
             return self.compiled.found(name, state, self.compiled.rates(state))
@@ -307,7 +307,7 @@ class ActuationModel:
         return self.joints if self._of_joints(side) else self.motors
 
     def _of_joints(self, side: str) -> bool:
-        if not checks.among(side, ("joints", "motors")):
+        if not (isinstance(side, str) and side in ("joints", "motors")):
             raise LinkworkError(f"side is {checks.shown(side)}; give 'joints' or 'motors'")
         return side == "joints"
 

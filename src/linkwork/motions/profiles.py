@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork import checks
+from linkwork.errors import LinkworkError
 from linkwork.paths import Law, Triple
 
 
@@ -46,8 +47,13 @@ class Profile:
         (K, d).
 
         At an inner knot it is that from the right, at the end that from the left.
+
+        Raises:
+            LinkworkError: times that are no numbers; an order that is no whole number from 0 on.
         """
-        times, taken = np.asarray(t, float), self.derivatives[order]
+        times, taken = checks.reals(t), self._derivative(order)
+        if times is None:
+            raise LinkworkError(f"the times are {checks.shown(t)}; give numbers [s]")
         within = np.clip(times, 0.0, self.duration)
         piece = np.clip(np.searchsorted(self.knots, within, side="right") - 1, 0, len(taken) - 1)
         s, rows = (within - self.knots[piece])[..., None], taken[piece]
@@ -71,9 +77,9 @@ class Profile:
 
         They are at the ends of a piece or where the next derivative vanishes inside it.
 
-        order: of the derivative by time.
+        order: of the derivative by time, a whole number from 0 on.
         """
-        pieces = self.derivatives[order] if order <= self.degree else 0 * self.coefficients[:, :1]
+        pieces = self._derivative(order)
         lengths = np.diff(self.knots)
         scaled = pieces * lengths[:, None, None] ** np.arange(pieces.shape[1])[:, None]
         largest = np.abs(scaled[:, 0]).max(axis=0)
@@ -83,6 +89,16 @@ class Profile:
                 largest[axis] = max(largest[axis], np.abs(values).max())
         return largest
 
+    def _derivative(self, order: int) -> np.ndarray:
+        """Return the coefficients (pieces, powers, d) of the derivative of an order; zeros beyond
+        the degree."""
+        if not checks.whole(order):
+            raise LinkworkError(
+                f"the order is {checks.shown(order)}; give a whole number, 0 of the coordinates "
+                "themselves, 1 of their rates"
+            )
+        return self.derivatives[order] if order <= self.degree else 0 * self.coefficients[:, :1]
+
     def slowed(self, factor: float) -> Profile:
         """Return the same motion in a duration larger by a factor."""
         factor = checks.positive(factor, "the factor")
@@ -90,7 +106,22 @@ class Profile:
         return Profile(self.knots * factor, self.coefficients / powers[:, None])
 
     def along(self, start: np.ndarray, change: np.ndarray) -> Profile:
-        """Return d coordinates start + change x(t) of one, (d,) each."""
+        """Return d coordinates start + change x(t) of one, (d,) each.
+
+        Raises:
+            LinkworkError: what is not d finite numbers; a profile of several coordinates.
+        """
+        start, change = checks.finite(start, "start"), checks.finite(change, "change")
+        if start.ndim != 1 or start.shape != change.shape:
+            raise LinkworkError(
+                f"start and change have the shapes {start.shape} and {change.shape}; give as many "
+                "numbers of one as of the other"
+            )
+        if self.coefficients.shape[2] not in (1, start.size):
+            raise LinkworkError(
+                f"the profile is of {self.coefficients.shape[2]} coordinates; lead "
+                f"{checks.amount(start.size, 'coordinate')} along a profile of one, or of as many"
+            )
         coefficients = self.coefficients * change
         coefficients[:, 0] += start
         return Profile(self.knots, coefficients)

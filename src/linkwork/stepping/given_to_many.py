@@ -68,6 +68,7 @@ def different(numbers: np.ndarray) -> bool:
 
 def as_events(readings: Sequence[Law]) -> tuple[Event, ...]:
     """Return functions of (t, state) that give a number each as what a system watches."""
-    if callable(readings):
-        raise LinkworkError("readings are a function; give a list of functions of (t, state)")
+    if callable(readings) or not isinstance(readings, Sequence):
+        told = "a function" if callable(readings) else shown(readings)
+        raise LinkworkError(f"readings are {told}; give a list of functions of (t, state)")
     return tuple(Event(each, name=f"reading {i}") for i, each in enumerate(readings))

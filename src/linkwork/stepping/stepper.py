@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import amount, count, shown
+from linkwork.checks import among, amount, count, shown
 from linkwork.control.sampler import Sampler
 from linkwork.errors import LinkworkError
 from linkwork.kernels.from_python import Direct, Ends, call_of, left_to_others
@@ -102,7 +102,7 @@ class Stepper:
     ):
         # What is integrated, and how: what `simulate` would take for a run of one step.
         self.dt = checks.positive(dt, "dt", "s")
-        fixed = self.dt if method in FIXED else None
+        fixed = self.dt if among(method, FIXED) else None
         settings = Settings(duration=self.dt, method=method, step=fixed, rtol=rtol, atol=atol)
         begun, left, own = (
             resuming.left_by(robot, state) if isinstance(state, Run) else (state, None, {})
@@ -176,7 +176,7 @@ class Stepper:
             LinkworkError: forces that do not fit; they are refused before anything happens.
         """
         # One step the shortest way.
-        if steps == 1 and (out is None or out is self.y):
+        if type(steps) is int and steps == 1 and (out is None or out is self.y):
             y = self._single(self.u if u is None else u)
             if y is None and (code := self._told()):  # the step was not taken as a whole
                 self._attend(code)
@@ -184,6 +184,9 @@ class Stepper:
             if y is not None:
                 return y if out is None else out
         # Else the forces are written, and steps are taken in portions.
+        steps = count(steps, "steps")
+        if out is not None and out is not self.y:
+            require_room(out, self.y.shape)
         if u is not None:
             if (
                 type(u) is np.ndarray
@@ -196,10 +199,6 @@ class Stepper:
                 self._command(u)
         if self._pieces is not None:
             self._pieces[:] = self.u
-        if steps != 1:
-            steps = count(steps, "steps")
-        if out is not None and out is not self.y:
-            require_room(out, self.y.shape)
         if steps > self._portion:
             steps = portions_taken(self._take, steps, self._portion)
         self._take(steps)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import by_name, count, shown
+from linkwork.checks import among, by_name, count, shown
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.chart_transfer import reread
@@ -105,11 +105,11 @@ class Steppers(HeldMembers):
     ):
         self.dt = checks.positive(dt, "dt", "s")
         self.threads = usable_processors() if threads is None else count(threads, "threads")
-        if method not in FIXED:
+        if not among(method, FIXED):
             kept = " or ".join(map(repr, FIXED))
             raise LinkworkError(
-                f"many robots are stepped on together by {kept}, not by {method!r}; make a stepper "
-                "of each, robot.stepper(states.at(0), ...), for other methods"
+                f"many robots are stepped on together by {kept}, not by {shown(method)}; make a "
+                "stepper of each, robot.stepper(states.at(0), ...), for other methods"
             )
         self._settings = Settings(duration=self.dt, method=method, step=self.dt)
         own, given = forces_of_each(robot, forces)
@@ -167,12 +167,11 @@ class Steppers(HeldMembers):
             LinkworkError: forces that do not fit; signals that end; they are refused before
                 anything happens.
         """
-        if u is not None:
-            self._command(u)
-        if steps != 1:
-            steps = count(steps, "steps")
+        steps = count(steps, "steps")
         if out is not None and out is not self.y:
             require_room(out, self.y.shape)
+        if u is not None:
+            self._command(u)
         self._require_signals(steps)
         who = slice(None) if index is None else which_of(index, len(self))
         if steps > self._portion:
