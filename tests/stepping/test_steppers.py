@@ -204,6 +204,36 @@ def test_one_that_ends_does_not_stop_the_others():
     require_alike(many, alone, 0)
 
 
+@pytest.mark.parametrize("method", ["rk4", "symplectic_euler"])
+def test_friction_that_leaves_no_motion_ends_members_where_one_ends(method):
+    """Faster than some rate the slide jams: 2 mu h s(v) / l is 1 there; what a step comes to is
+    known by the accelerations at its start."""
+    rubs = lw.SlidingBearing(friction=lw.Sliding(coefficient=0.9, rate=0.5), span=0.5)
+    body = lw.Body(mass=2.0, centre_of_mass=(0, 0.3, 0), inertia=lw.Inertia(zz=0.01))
+    joint = lw.PrismaticJoint(connects=("ground", "block"), axis=(1, 0, 0), bearing=rubs)
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"block": body}, joints={"x": joint}, gravity=(0, -9.81, 0), actuators=("x",)
+        )
+    )
+    pushed = np.array([[200.0], [80.0], [50.0], [5.0]])
+    states = robot.state(np.zeros((4, 1))).with_rates(np.full((4, 1), 0.1))
+    many = robot.stepper(states, 0.01, method=method, threads=1)
+    many.step(pushed, steps=40)
+    assert many.status.tolist() == [lw.Status.NON_FINITE] * 3 + [0]
+    for i, forces in enumerate(pushed):
+        alone = robot.stepper(states.at(i), 0.01, method=method)
+        if many.status[i]:
+            with pytest.raises(StepError, match="bearings of x"):
+                alone.step(forces, steps=40)
+        else:
+            alone.step(forces, steps=40)
+        require_alike(many, alone, i)
+        run = robot.simulate(states.at(i), duration=0.4, forces=forces, method=method, step=0.01)
+        np.testing.assert_array_equal(run.final.rates, many.v[i])
+        assert run.status == many.status[i]
+
+
 def test_some_are_put_elsewhere(robot):
     states, u = spread(robot)
     many = robot.stepper(states, DT, threads=1)

@@ -50,6 +50,11 @@ class Event(ActingPart):
             )
 
     @property
+    def borne(self) -> bool:
+        """Whether it tells of what a bearing carries."""
+        return isinstance(self.function, LineLoad)
+
+    @property
     def what(self) -> str:
         """How sentences name it."""
         return f"the event {self.name!r}"

@@ -78,7 +78,7 @@ class Environments(VectorEnv):
     ):
         if not isinstance(process, DecisionProcess):
             raise LinkworkError(f"{checks.shown(process)} is no linkwork.gym.DecisionProcess")
-        if render_mode not in (None, "rgb_array"):
+        if not checks.among(render_mode, (None, "rgb_array")):
             raise LinkworkError(
                 f"there is no render_mode {checks.shown(render_mode)}; there is 'rgb_array', whose "
                 "pictures `render` returns"

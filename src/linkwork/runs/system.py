@@ -195,7 +195,7 @@ class System:
         if not any(watching or event.cuts for event in self.events):
             return None
         conditions = tuple(
-            Condition(event.terminal and watching, event.direction, event.cuts)
+            Condition(event.terminal and watching, event.direction, event.cuts, event.borne)
             for event in self.events
         )
         return Events(self.single(chart, "events").early_address, conditions)

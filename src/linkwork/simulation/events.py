@@ -10,20 +10,22 @@ import numpy as np
 from linkwork.errors import LinkworkError
 from linkwork.simulation.signals import Signal
 
-ENDS, CUTS = 1.0, 2.0
-"""What an event does: it ends the run, or a step."""
+ENDS, CUTS, BORNE = 1.0, 2.0, 3.0
+"""What an event does: it ends the run, or a step; the last one tells of what bearings carry."""
 
 
 @dataclass(frozen=True)
 class Condition:
     """Say which zeros of an event function count: `terminal`, the run ends there; `direction`, 1
     for zeros passed upwards only, -1 for downwards, 0 for both; `cuts`, a step ends there, and the
-    next one begins, as where a force sets in (steps of a fixed length do not).
+    next one begins, as where a force sets in (steps of a fixed length do not); `borne`, of those,
+    it tells of what bearings carry, which is undefined wherever accelerations are.
     """
 
     terminal: bool = False
     direction: int = 0
     cuts: bool = False
+    borne: bool = False
 
     def __post_init__(self):
         if self.direction not in (-1, 0, 1):
@@ -48,8 +50,11 @@ class Events:
     @cached_property
     def table(self) -> np.ndarray:
         """The conditions as the compiled loops take them: a row for each, its direction and what it
-        does, `ENDS`, `CUTS` or 0."""
-        rows = [(c.direction, ENDS if c.terminal else CUTS * c.cuts) for c in self.conditions]
+        does, `ENDS`, `CUTS`, `BORNE` or 0."""
+        rows = [
+            (c.direction, ENDS if c.terminal else BORNE if c.borne else CUTS * c.cuts)
+            for c in self.conditions
+        ]
         return np.array(rows, float).reshape(-1, 2)
 
 

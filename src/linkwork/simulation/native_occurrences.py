@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from linkwork.simulation.compiled import OPTIONS
-from linkwork.simulation.events import CUTS, ENDS
+from linkwork.simulation.compiled import INLINED, OPTIONS
+from linkwork.simulation.events import BORNE, CUTS, ENDS
 from linkwork.simulation.native_events import (
     LOOKS,
     NEVER,
@@ -24,6 +24,7 @@ from linkwork.simulation.native_parts import (
     NON_FINITE,
     OK,
     REFUSED,
+    SINGULAR,
     copy,
     extend,
     project,
@@ -107,7 +108,7 @@ def cut(run):
         if cross(run, j) > 0:
             first = NEVER
             for i in range(scene.count):
-                if scene.conditions[2 * i + 1] == CUTS and scene.crossings[i] > close:
+                if scene.conditions[2 * i + 1] >= CUTS and scene.crossings[i] > close:
                     first = min(first, scene.crossings[i])
             if first != NEVER:
                 if first >= 1 - close:
@@ -118,26 +119,45 @@ def cut(run):
     return False
 
 
+@njit(**INLINED)
+def steps_alone(scene):
+    """Tell whether nothing but steps may end at the events."""
+    alone = True
+    for i in range(scene.count):
+        alone &= scene.conditions[2 * i + 1] >= CUTS
+    return alone
+
+
 @njit(**OPTIONS)
 def take_events(run):
     """Record the events within a step, in the order of their times; where one ends the run, the
-    step ends there."""
-    room, scene = run.room, run.scene
+    step ends there.
+
+    A step of fixed length is what it is whether it is watched or not: a weak pivot at its end, and
+    accelerations that are undefined there, with what bearings carry, are a matter of the next one.
+    """
+    room, scene, fixed = run.room, run.scene, run.method.exponent == 0
     watched, g = scene.count, scene.g
     run.halted, run.ends = False, LOOKS
     observe(run, run.arrival, room.new, g + LOOKS * watched)
     if quiet(run):
         return
+    # The dense output, by which the event functions are looked at.
     run.ailment = extend(run)
-    if run.ailment != OK:
+    defined = run.ailment == OK or run.ailment == SINGULAR
+    if fixed and (defined or steps_alone(scene)):
+        run.ailment = OK
+    if run.ailment != OK or not defined:
         return
     run.ends = look(run)
     for i in range(run.ends * watched):
-        if math.isnan(g[watched + i]):
+        borne = fixed and scene.conditions[2 * (i % watched) + 1] == BORNE
+        if math.isnan(g[watched + i]) and not borne:
             run.ailment = NON_FINITE
             run.fault = room.n + 1 + room.inputs - run.inputs.columns + i % watched
             return
-    if run.method.exponent != 0 and cut(run):
+    # Where steps are to end, and what is recorded of the one that stays.
+    if not fixed and cut(run):
         return
     halted = False
     for j in range(run.ends):
