@@ -203,6 +203,26 @@ def test_fixed_steps_behind_a_change_of_rates_are_resumed_bit_for_bit(name, rate
             assert np.array_equal(resumed.attrs[name], whole.attrs[name])
 
 
+def test_a_run_under_a_lowered_bound_is_resumed_under_it(tmp_path):
+    """All bars of two four-bars near one line: nothing is better there, until it is behind them."""
+    robot = lw.Robot(lw.robots.n_four_bar(2))
+    start, options = robot.home.with_rates([-1.0]), {"method": "rk4", "step": 1e-3}
+    whole = robot.simulate(start, duration=0.711, **options)
+    bound, _, short, _ = whole.attrs["final_lowered"]
+    assert bound == 0.0125 and short == 8e-3
+    stepper = robot.stepper(start, 1e-3)
+    for count in (700, 706, 708, 710):
+        half = robot.simulate(start, duration=count * 1e-3, **options)
+        stepper.step(steps=count - round(stepper.time / 1e-3))
+        for run in (half, lw.Run.load(half.save(tmp_path / "half.nc")), stepper.run):
+            resumed = robot.resume(run, duration=0.711 - count * 1e-3, **options)
+            other = robot.stepper(run, 1e-3)
+            other.step(steps=711 - count)
+            for name in ("final_q", "final_v", "final_chart", "final_lowered"):
+                assert np.array_equal(resumed.attrs[name], whole.attrs[name])
+                assert np.array_equal(other.run.attrs[name], whole.attrs[name])
+
+
 @pytest.mark.parametrize("told", ["{}", "[1]", '{"independent": [0]}'])
 def test_a_run_that_tells_no_chart_of_the_robot_is_not_resumed(told):
     robot = built("five_bar")

@@ -17,7 +17,8 @@ Source: Hairer, Norsett & Wanner, Solving ODE I, sec. II.7 (collocation).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -29,6 +30,8 @@ from linkwork.kernels.bound import BoundFunction
 from linkwork.model.charts import CompiledChart
 from linkwork.model.closing import settled_one
 from linkwork.runs.system import System
+from linkwork.simulation import Status, Trajectory
+from linkwork.simulation.turns import whole
 
 NODES = (6, 8)
 CONVERGED = 1.0  # change of the step by an iteration, in tolerances
@@ -165,6 +168,70 @@ class Crossing:
             if (np.abs(q - state[:nq]) <= self._tolerance(state)[:nq]).all():
                 state[:nq] = q
         return states, np.array([self._residual(state[:nq]) for state in states])
+
+    def recorded(
+        self, crossed: Crossed, done: Trajectory, until: float, save_at: np.ndarray | None
+    ) -> Trajectory:
+        """Return a crossing, as far as the run goes, with what is saved and what happens on the
+        way.
+
+        done: what was integrated before it; until: the end of the run [s]; save_at: times to save
+            [s], None for the crossing's end alone
+        """
+        # The run goes as far as its end, or the first event that ends it.
+        happened = [
+            (time, number) for time, number in sorted(self._events(crossed)) if time <= until
+        ]
+        ends = [self.system.events[event].terminal for _, event in happened]
+        last = ends.index(True) if True in ends else None
+        end = min(float(crossed.t[-1]), until) if last is None else happened[last][0]
+        events = happened if last is None else happened[: last + 1]
+        # States at the times to save, at events, and at the end, where it is the crossing's own.
+        asked = np.array([end]) if save_at is None else save_at
+        asked = asked[(asked > crossed.t[0]) & (asked <= end)]
+        times = np.array([*asked, *(time for time, _ in events), end])
+        states, residuals = self.nearby(crossed, times)
+        kinds = np.array([*np.full(asked.size, -1), *(event for _, event in events), -1], float)
+        if end == crossed.t[-1]:
+            states[-1], residuals[-1] = crossed.y[-1], 0.0
+        rows = np.column_stack([times, states, self.system.inputs(times), residuals, kinds])
+        # The crossing counts as one step.
+        weakest = np.abs(crossed.pivots).min(axis=1)
+        status = Status.FINISHED if last is None else Status.EVENT
+        outcome = done.outcome._replace(
+            status=float(status),
+            evaluations=float(crossed.evaluations),
+            accepted=1.0,
+            rejected=0.0,
+            projections=0.0,
+            time=float(end),
+            step=0.0,
+            pivot=float(weakest.min()),
+            pivot_time=float(crossed.t[weakest.argmin()]),
+            closure_error=float(residuals.max()),
+        )
+        # Rows of the run, without those of its events and its end.
+        y_end, q = states[-1].copy(), slice(1, 1 + done.nq)
+        rows[:, q] = whole(rows[:, q], done.turns)
+        saved, found = rows[: asked.size], rows[asked.size : -1]
+        return replace(
+            done, rows=saved, found=found, y_end=y_end, outcome=outcome, control=None, status=status
+        )
+
+    def _events(self, crossed: Crossed) -> Iterator[tuple[float, int]]:
+        """Yield when events happen on the way over a pose, and their numbers."""
+        system, chart = self.system, self.chart
+        if not system.events:
+            return
+        kernel, p = system.single(chart, "events"), system.p(chart)
+        values = [
+            kernel.flat(np.concatenate([y, u, p]))
+            for y, u in zip(crossed.y, crossed.u, strict=True)
+        ]
+        for number, (event, of) in enumerate(zip(system.events, np.transpose(values), strict=True)):
+            for time, rises in crossed.zeros(of):
+                if event.direction >= 0 if rises else event.direction <= 0:
+                    yield time, number
 
     def _time_to_zero(self, q: np.ndarray, slope: np.ndarray) -> float | None:
         """Return the time until the pivot p vanishes: m p / |p'| with m = 1 / (1 - p p'' / p'^2);

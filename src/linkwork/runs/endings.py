@@ -33,6 +33,7 @@ ASKED = ("mechanism", "rtol", "atol", "step", "caveats", "parameters")
 TOLD = (
     *("method", "charts", SINGULAR_TIMES),
     *(f"final_{name}" for name in ("time", "q", "v", "rates", "chart", "pace", "held", "turns")),
+    "final_lowered",
 )
 WOUND = ("final_windings",)
 ERROR = ("error_estimate", "error_estimate_until")
@@ -72,6 +73,8 @@ def told(system: System, segments: Sequence[Segment]) -> dict[str, object]:
         found[SINGULAR_TIMES] = np.array(passed)
     if last.control:
         found["final_held"] = held_last(system, last.control)
+    if segments[-1].lowered:
+        found["final_lowered"] = np.array(segments[-1].lowered)
     if last.turns.any():
         found["final_turns"] = last.turns.copy()
     return found

@@ -41,7 +41,6 @@ from linkwork.simulation import (
 )
 from linkwork.simulation.events import Watch
 from linkwork.simulation.integration import Problem, TimeSpan, advanced
-from linkwork.simulation.turns import whole
 
 if TYPE_CHECKING:
     from linkwork.model.model import Model
@@ -63,7 +62,7 @@ class Segment:
     over in it.
 
     start: time, q and (v, z) that it went out from; method: its name; crossed: the way over the
-        pose
+        pose; lowered: the bound of its pivots, if it was lowered
     again: integrates it once more, saved at other times or (None) at every step, where a sampled
         controller acts from a row, by number (-1: the start), to the next, without calling it
     """
@@ -74,6 +73,18 @@ class Segment:
     method: str
     again: Callable[[np.ndarray | None, int], Trajectory] | None = None
     crossed: Crossed | None = None
+    lowered: Lowered | None = None
+
+
+class Lowered(NamedTuple):
+    """Hold a lowered bound of the pivots: when it was looked whether they have recovered, and for
+    how long they were not to be looked at again [s]; over: whether the run would rather have
+    stepped over the pose."""
+
+    bound: float
+    since: float
+    short: float
+    over: float
 
 
 class Departure(NamedTuple):
@@ -82,6 +93,7 @@ class Departure(NamedTuple):
     chart: to start in; q, v, z: coordinates, independent rates of the chart, and extra states
     control: what a sampled controller holds; zeros if left out
     turns: whole turns of angles that are not in q; none if left out
+    lowered: the bound of the pivots; the soft one if left out
     """
 
     chart: CompiledChart
@@ -90,6 +102,7 @@ class Departure(NamedTuple):
     z: np.ndarray
     control: Control | None = None
     turns: np.ndarray | None = None
+    lowered: Lowered | None = None
 
 
 class Stand(NamedTuple):
@@ -98,7 +111,7 @@ class Stand(NamedTuple):
     chart, t, q, v: what the next segment goes out from, v with the extra states; turns (nq): whole
         turns of angles that are not in q; control: what a sampled controller holds
     steps: how many are left; bound: the pivot at which the segment ends; short: its duration while
-        the bound is lowered
+        the bound is lowered; since: when that began [s], at t if left out
     method: of integration; over: the singular pose that was stepped over to come here
     pace: the steps to go on with, where the last segment ended as its portion was full
     first_step: to go on with, in another chart; guessed if left out
@@ -117,6 +130,7 @@ class Stand(NamedTuple):
     over: Segment | None = None
     pace: Pace | None = None
     first_step: float | None = None
+    since: float | None = None
 
 
 @dataclass
@@ -147,14 +161,24 @@ class Passage:
 
     def departed(self, begun: Departure) -> Stand:
         """Return where the run stands at its start."""
-        chart, q, v, z, control, turns = begun
+        chart, q, v, z, control, turns, lowered = begun
         if turns is not None:
             q, turns = self.turning.begun(q, turns)
         chart, v = self.faced(chart, q), np.concatenate([v, z])
         if self.system.acting is not None:
             control = self.system.control(chart, control)
         here, settings = (chart, self.start, q, v, turns, control), self.settings
-        return Stand(*here, settings.max_steps, SOFT, self.shortest, settings.integrator)
+        bound, since, short, over = lowered or (SOFT, None, self.shortest, True)
+        stand = Stand(*here, settings.max_steps, bound, short, settings.integrator, since=since)
+        if settings.step_over and not over:
+            return stand._replace(bound=SOFT, short=self.shortest, since=None)
+        return self._looked(stand) if lowered and self.until(stand) <= self.start else stand
+
+    def lowered(self, stand: Stand) -> Lowered | None:
+        """Return the bound of the pivots at a stand, if it is lowered."""
+        since = stand.t if stand.since is None else stand.since
+        over = float(self.settings.step_over)
+        return None if stand.bound == SOFT else Lowered(stand.bound, since, stand.short, over)
 
     @property
     def turning(self) -> Turning:
@@ -186,29 +210,27 @@ class Passage:
                     return
             trajectory = self._integrate(stand)
             again = partial(self._again, stand, trajectory)
-            yield Segment(
-                stand.chart, trajectory, (stand.t, stand.q, stand.v), stand.method.name, again
-            )
+            at, name = (stand.t, stand.q, stand.v), stand.method.name
+            lowered = self.lowered(stand)
+            yield Segment(stand.chart, trajectory, at, name, again, lowered=lowered)
             stand.chart.count(trajectory.nfev)
             stand = self.after(stand, trajectory)
 
     def after(self, stand: Stand, done: Trajectory) -> Stand | None:
         """Return where the run stands after a segment, None at its end."""
-        if done.status is Status.FINISHED and self._until(stand) == self.end:
+        if done.status is Status.FINISHED and self.until(stand) == self.end:
             return None
         chart, t, q, v = stand.chart, done.end_time, done.q_end, done.v_end
         steps = stand.steps - done.steps - done.rejected
         here = stand._replace(
             t=t, q=q, v=v, turns=done.turns, control=done.control, steps=steps,
-            over=None, pace=None, first_step=None,
+            over=None, pace=None, first_step=None, since=None,
         )  # fmt: skip
         if done.status is Status.TOO_MANY_STEPS and steps > 0 and not self.system.faults:
             return here._replace(pace=done.pace)
         # A short segment under a lowered bound is over; or a stiff one, which goes on by RODAS.
         if done.status is Status.FINISHED:
-            if chart.pivot(q) > RECOVERED * SOFT:
-                return here._replace(bound=SOFT, short=self.shortest)
-            return here._replace(short=2 * stand.short)
+            return self._looked(here)
         if done.status is Status.STIFF:
             return here._replace(method=RODAS, steps=max(steps, 1))
         if done.status is not Status.SINGULAR or steps < 1:
@@ -243,12 +265,20 @@ class Passage:
         lower = LOWER * min(stand.bound, chart.pivot(q))
         return here._replace(bound=max(checks.PIVOT_BOUND, lower))
 
-    def _until(self, stand: Stand) -> float:
+    def _looked(self, stand: Stand) -> Stand:
+        """Return a stand at the end of a short segment: its bound is raised if the pivots have
+        recovered, else it is looked at later."""
+        if stand.chart.pivot(stand.q) > RECOVERED * SOFT:
+            return stand._replace(bound=SOFT, short=self.shortest, since=None)
+        return stand._replace(short=2 * stand.short, since=None)
+
+    def until(self, stand: Stand) -> float:
         """Return the time at which the segment from a stand on ends: steps of fixed length end at
         their multiples under a lowered bound, too."""
         if stand.bound == SOFT:
             return self.end
-        until, step = stand.t + stand.short, self.settings.integrator.step
+        since = stand.t if stand.since is None else stand.since
+        until, step = since + stand.short, self.settings.integrator.step
         return min(until if step is None else step * float(np.ceil(until / step - 1e-9)), self.end)
 
     def _again(
@@ -256,7 +286,7 @@ class Passage:
     ) -> Trajectory:
         """Integrate a segment again. Samples within a step may have a weaker pivot than its ends,
         which kept to the bound."""
-        until = self._until(stand)
+        until = self.until(stand)
         stand = stand if save_at is None else stand._replace(bound=LOWER * stand.bound)
         if stand.control is None:
             return self._along(stand, until, save_at, self.system.inputs)
@@ -270,7 +300,7 @@ class Passage:
         return self._along(stand._replace(control=None), end, save_at, inputs)
 
     def _integrate(self, stand: Stand) -> Trajectory:
-        end, save_at = self._until(stand), self.settings.save_at
+        end, save_at = self.until(stand), self.settings.save_at
         if save_at is not None and not (stand.t == self.start and end == self.end):
             save_at = save_at[(save_at >= stand.t) & ((save_at <= end) | (end == self.end))]
         if stand.pace is None or not self.interruptible:
@@ -337,68 +367,8 @@ class Passage:
         crossed = crossing.over(*start)
         if crossed is None:
             return None
-        trajectory = self._recorded(crossing, crossed, done)
+        trajectory = crossing.recorded(crossed, done, self.end, settings.save_at)
         return Segment(chart, trajectory, start, stand.method.name, crossed=crossed)
-
-    def _recorded(self, crossing: Crossing, crossed: Crossed, done: Trajectory) -> Trajectory:
-        """Return a crossing, as far as the run goes, with what is saved and what happens on the
-        way."""
-        # The run goes as far as its end, or the first event that ends it.
-        happened = [
-            (time, number)
-            for time, number in sorted(self._events(crossing, crossed))
-            if time <= self.end
-        ]
-        ends = [self.system.events[event].terminal for _, event in happened]
-        last = ends.index(True) if True in ends else None
-        end = min(float(crossed.t[-1]), self.end) if last is None else happened[last][0]
-        events = happened if last is None else happened[: last + 1]
-        # States at the times to save, at events, and at the end, where it is the crossing's own.
-        asked = np.array([end]) if self.settings.save_at is None else self.settings.save_at
-        asked = asked[(asked > crossed.t[0]) & (asked <= end)]
-        times = np.array([*asked, *(time for time, _ in events), end])
-        states, residuals = crossing.nearby(crossed, times)
-        kinds = np.array([*np.full(asked.size, -1), *(event for _, event in events), -1], float)
-        if end == crossed.t[-1]:
-            states[-1], residuals[-1] = crossed.y[-1], 0.0
-        rows = np.column_stack([times, states, self.system.inputs(times), residuals, kinds])
-        # The crossing counts as one step.
-        weakest = np.abs(crossed.pivots).min(axis=1)
-        status = Status.FINISHED if last is None else Status.EVENT
-        outcome = done.outcome._replace(
-            status=float(status),
-            evaluations=float(crossed.evaluations),
-            accepted=1.0,
-            rejected=0.0,
-            projections=0.0,
-            time=float(end),
-            step=0.0,
-            pivot=float(weakest.min()),
-            pivot_time=float(crossed.t[weakest.argmin()]),
-            closure_error=float(residuals.max()),
-        )
-        # Rows of the run, without those of its events and its end.
-        y_end, q = states[-1].copy(), slice(1, 1 + done.nq)
-        rows[:, q] = whole(rows[:, q], done.turns)
-        saved, found = rows[: asked.size], rows[asked.size : -1]
-        return replace(
-            done, rows=saved, found=found, y_end=y_end, outcome=outcome, control=None, status=status
-        )
-
-    def _events(self, crossing: Crossing, crossed: Crossed) -> Iterator[tuple[float, int]]:
-        """Yield when events happen on the way over a pose, and their numbers."""
-        system, chart = self.system, crossing.chart
-        if not system.events:
-            return
-        kernel, p = system.single(chart, "events"), system.p(chart)
-        values = [
-            kernel.flat(np.concatenate([y, u, p]))
-            for y, u in zip(crossed.y, crossed.u, strict=True)
-        ]
-        for number, (event, of) in enumerate(zip(system.events, np.transpose(values), strict=True)):
-            for time, rises in crossed.zeros(of):
-                if event.direction >= 0 if rises else event.direction <= 0:
-                    yield time, number
 
 
 def portion(nq: int) -> int:

@@ -24,7 +24,7 @@ from linkwork.runs.endings import (
     statistics,
     told,
 )
-from linkwork.runs.passage import Departure, Passage
+from linkwork.runs.passage import Departure, Lowered, Passage
 from linkwork.runs.quantities import AXES
 from linkwork.runs.run_record import RunRecord
 from linkwork.runs.sampled_calls import called_besides
@@ -45,7 +45,7 @@ class Left(NamedTuple):
 
     time: [s]; extras: extra states; pace: step size
     held: inputs that a sampled controller held; turns: whole turns of angles that are not in the
-        state's q; chart: that it was in
+        state's q; chart: that it was in; lowered: the bound of its pivots, if it was lowered
     """
 
     time: float
@@ -54,6 +54,7 @@ class Left(NamedTuple):
     held: np.ndarray | None
     turns: np.ndarray | None
     chart: Chart
+    lowered: Lowered | None = None
 
 
 def simulate(
@@ -68,7 +69,7 @@ def simulate(
         raise checks.LinkworkError(
             "a run starts from one state, not from a stack; take one by state.at(index)"
         )
-    start, z, pace, held, turns, last = left or (0.0, *[None] * 5)
+    start, z, pace, held, turns, last, lowered = left or (0.0, *[None] * 6)
     pace = None if settings.integrator.step else pace
     sampler, end, besides = system.sampler, start + settings.duration, np.empty(0)
     if settings.samples is not None:
@@ -79,7 +80,7 @@ def simulate(
     passage = Passage(robot, system, start, end, settings, pace, interruptible=True)
     chart, v = chart_transfer.start(robot, state, last)
     begun = Departure(
-        chart, state.q, v, system.start(robot, state.positions, state.q, z), control, turns
+        chart, state.q, v, system.start(robot, state.positions, state.q, z), control, turns, lowered
     )
     segments = list(passage.segments(begun))
     return record(Compared(robot, passage, begun, segments), state, besides)

@@ -17,6 +17,7 @@ from linkwork.mechanism import MechanismError
 from linkwork.mechanism.numbers import located
 from linkwork.model.chart_transfer import chart_in
 from linkwork.model.state import State
+from linkwork.runs.passage import Lowered
 from linkwork.runs.recording import Left
 from linkwork.runs.running import EXAMPLE, simulate
 from linkwork.runs.settings import Settings
@@ -81,8 +82,11 @@ def left_by(robot: Model, run: Run) -> tuple[State, Left, dict[str, float]]:
                 "the motion where it ended"
             )
         robot.charts[independent] = chart
-    # What else it goes on with: its chart, held inputs, counted turns, parameters, extra states.
+    # What else it goes on with: its chart, the bound of its pivots, held inputs, counted turns,
+    # parameters, extra states.
     last = chart_told(robot, told, independent)
+    weak = np.asarray(run.attrs.get("final_lowered", ()), float).tolist()
+    lowered = Lowered(*weak) if weak else None
     held, turns = (
         np.atleast_1d(np.asarray(run.attrs[name], float)) if name in run.attrs else None
         for name in ("final_held", "final_turns")
@@ -92,7 +96,7 @@ def left_by(robot: Model, run: Run) -> tuple[State, Left, dict[str, float]]:
         if name in robot.parameters:
             own[name] = others.pop(name)
     refuse_other_numbers(robot, others)
-    return state, Left(start, v[n:], pace, held, turns, last), own
+    return state, Left(start, v[n:], pace, held, turns, last, lowered), own
 
 
 def chart_told(robot: Model, text: str, independent: tuple[str, ...]) -> Chart:

@@ -26,7 +26,7 @@ from linkwork.model.state import State
 from linkwork.patience import interruptions_held
 from linkwork.runs import endings, recording, resuming, running
 from linkwork.runs.cable_leaps import tell_leaps
-from linkwork.runs.passage import SOFT, Departure, Segment, Stand, portion
+from linkwork.runs.passage import Departure, Segment, Stand, portion
 from linkwork.runs.recording import Left
 from linkwork.runs.run_record import RunRecord
 from linkwork.runs.settings import Settings
@@ -298,13 +298,13 @@ class Stepper:
     def _set_out(self, state: State, left: Left | None, time: float) -> None:
         """Begin at a state, with what a run had left there."""
         robot, system = self._robot, self._system
-        _, z, pace, held, turns, last = left or (time, *[None] * 5)
+        _, z, pace, held, turns, last, lowered = left or (time, *[None] * 6)
         fixed, sampler = self._settings.integrator.step is not None, system.sampler
         control = Control(0, sampler.period, held) if held is not None and sampler else None
         passage = Endless(robot, system, time, np.inf, self._settings, None if fixed else pace)
         chart, v = chart_transfer.start(robot, state, last)
         z = system.start(robot, state.positions, state.q, z)
-        stand = passage.departed(Departure(chart, state.q, v, z, control, turns))
+        stand = passage.departed(Departure(chart, state.q, v, z, control, turns, lowered))
         self._enter(passage, stand, passage.pace)
         # Steps end at multiples of dt; of a start beside them, so many after it.
         number = round(time / self.dt)
@@ -326,7 +326,7 @@ class Stepper:
         self._passage, self._run = passage, begun
         self._stand = stand._replace(steps=self._settings.max_steps)
         self._counts[CELL["run"]], self._counts[CELL["written"]] = begun.address, 0
-        self._cells[CELL["until"]] = np.inf if stand.bound == SOFT else stand.t + stand.short
+        self._cells[CELL["until"]] = passage.until(stand)
         self.y[:] = begun.seen
 
     def _command(self, u: ArrayLike | Mapping[str, float]) -> None:
@@ -445,7 +445,8 @@ class Stepper:
         def again(save_at: np.ndarray | None, row: int) -> Trajectory:
             return done if save_at is None else replace(done, rows=done.rows[: len(save_at)])
 
-        return Segment(chart, done, start, self._stand.method.name, again)
+        name, lowered = self._stand.method.name, self._passage.lowered(self._stand)
+        return Segment(chart, done, start, name, again, lowered=lowered)
 
     def _record(self) -> RunRecord:
         """Return what tells all quantities of the present state."""

@@ -2,7 +2,8 @@
 coordinates or tool pose.
 
 They are led straight from where the study starts (`robot.leading`), without leaving its branch.
-Members that no straight way leads to are assembled one by one.
+Members that no straight way leads to are assembled one by one; so are all where fewer joints are
+asked for than determine the others, which are where `Robot.assemble` puts them from there.
 """
 
 from __future__ import annotations
@@ -79,6 +80,8 @@ def closed_together(
     closed = np.ones(len(q), dtype=bool)
     if given:
         joints = robot.joints_asked(tuple(given))
+        if len(joints.what) < robot.mobility - len(robot.spins):
+            return q, ~closed
         q, closed = led(robot.leader_of_joints(joints), q, stacked(given), p)
         q = turned(robot.chart, q, joints.turns, stacked(given)[:, joints.angular])
     if leader is not None and pose is not None:
