@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.sweeps import Study
+from linkwork.sweeps import Study, StudyError
 from linkwork.sweeps.chunk import digest
 from linkwork.sweeps.preparation import REFUSED, UNREACHABLE, Bench
 from linkwork.sweeps.starts import starts
@@ -249,3 +249,31 @@ def test_joints_far_from_where_a_study_starts_stay_on_its_branch_with_their_turn
     expected = robot.assemble(dict(zip(robot.independent, values.T, strict=True)))
     np.testing.assert_allclose(made.positions, expected.positions, rtol=0, atol=1e-8)
     np.testing.assert_allclose(made.q, expected.q, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize(("name", "asked"), [("five_bar", "elbow_2"), ("rrr3", "motor_1")])
+def test_fewer_joints_than_determine_the_start_are_where_the_robot_assembles_them(name, asked):
+    """Many configurations have them: the study's members and `assemble` choose the same one."""
+    robot = lw.Robot(name)
+    values = robot.home[asked] + np.linspace(-0.4, 0.4, 5)
+    given = study(
+        robot=robot.mechanism,
+        start={"joints": {asked: robot.home[asked] + 0.1}},
+        forces={},
+        vary={f"start.joints.{asked}": {"type": "values", "values": tuple(values)}},
+        design={"type": "grid"},
+        outputs={"energy": "final kinetic_energy"},
+    )
+    bench = Bench.of(given)
+    made, status = starts(bench, values[:, None])
+    assert not status.any()
+    for i, value in enumerate(values):
+        expected = robot.assemble({asked: value}, guess=bench.start)
+        np.testing.assert_array_equal(made.positions[i], expected.positions)
+
+
+def test_parts_of_quaternions_are_no_start_that_varies():
+    vary = {"start.joints.ball_1.qx": {"type": "uniform", "low": 0, "high": 0.1}}
+    given = study(robot=lw.robots.rrs3(), start={}, forces={}, vary=vary, outputs={"e": "final kinetic_energy"})
+    with pytest.raises(StudyError, match=r"ball_1.qx: is nothing that can vary; .*joints.knee_1"):
+        Bench.of(given)

@@ -241,7 +241,7 @@ class Bench:
             tool = task.asked_of(self.robot, len(given)).labels if given else ()
             known = {
                 "tool": tool,
-                "joints": self.robot.coordinates,
+                "joints": [each for each in self.robot.coordinates if each in self.robot.rates],
                 "rates": self.robot.independent,
             }
             if label in known.get(kind, ()):
