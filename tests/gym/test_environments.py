@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -335,6 +336,10 @@ WRONG = [
     ({"observation": lambda t, state: None}, "the observation returns None; give numbers"),
     ({"states": [3], "rates": lambda t, state, action: 0.0}, "a further state is 3; give its name"),
     ({"states": ["x"], "rates": lambda t, state, action: 0.0}, "a further state is 'x'; give its"),
+    ({"states": np.array([1, 2])}, r"a further state is np.int64\(1\); give its name"),
+    ({"starts": 0}, "a state is needed, not int"),
+    ({"starts": np.zeros(3)}, "a state is needed, not ndarray"),
+    ({"horizon": 2**70}, "horizon is 1180591620717411303424; give at most"),
     ({"states": [("x", "m", "a")], "rates": lambda t, s, a: 0.0}, "the start of 'x' is 'a'"),
 ]
 
@@ -343,6 +348,12 @@ WRONG = [
 def test_processes_that_do_not_fit_are_refused(options, sentence):
     with pytest.raises(lw.LinkworkError, match=sentence):
         Environments(of_prr3(**options), 2)
+
+
+def test_numbers_of_environments_and_what_is_left_out_are_taken_as_they_are_meant():
+    none: Any = None
+    envs = Environments(of_prr3(draws=none, drives=none), np.float64(3.0))  # pyright: ignore
+    assert envs.reset(seed=0)[0].shape == (3, 3) and envs.action_space.shape == (3, 3)
 
 
 def test_lengths_and_impossible_masses_may_not_be_drawn():
@@ -368,6 +379,8 @@ def test_modes_and_names_that_there_are_not():
         Environments(reaching(), 2, autoreset_mode="now")
     with pytest.raises(lw.LinkworkError, match="there is no render_mode 'human'; there is 'rgb_ar"):
         Environment(reaching(), render_mode="human")
+    with pytest.raises(lw.LinkworkError, match=r"there is no render_mode array\("):
+        Environments(reaching(), 2, render_mode=np.array(["human", "ansi"]))  # pyright: ignore
     with pytest.raises(lw.LinkworkError, match="made without pictures; make them with render_mode"):
         Environments(reaching(), 2).render()
     with pytest.raises(lw.LinkworkError, match="no episode has begun; reset the environments bef"):

@@ -274,6 +274,12 @@ def test_fewer_joints_than_determine_the_start_are_where_the_robot_assembles_the
 
 def test_parts_of_quaternions_are_no_start_that_varies():
     vary = {"start.joints.ball_1.qx": {"type": "uniform", "low": 0, "high": 0.1}}
-    given = study(robot=lw.robots.rrs3(), start={}, forces={}, vary=vary, outputs={"e": "final kinetic_energy"})
+    given = study(
+        robot=lw.robots.rrs3(),
+        start={},
+        forces={},
+        vary=vary,
+        outputs={"e": "final kinetic_energy"},
+    )
     with pytest.raises(StudyError, match=r"ball_1.qx: is nothing that can vary; .*joints.knee_1"):
         Bench.of(given)

@@ -17,7 +17,7 @@ from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.gym.draws import Draws
 from linkwork.gym.native_episodes import Drawing, act, begin, conclude
-from linkwork.gym.process import OBSERVATION, REWARD, TERMINATION, DecisionProcess
+from linkwork.gym.process import ENDLESS, OBSERVATION, REWARD, TERMINATION, DecisionProcess
 from linkwork.model.state import State
 from linkwork.runs.members import allowed
 from linkwork.simulation import Status
@@ -85,7 +85,7 @@ class Environments(VectorEnv):
             )
         self.process, self.num_envs = process, checks.count(num_envs, "num_envs", checks.MOST)
         horizon = process.horizon if max_episode_steps is None else max_episode_steps
-        self._horizon = checks.count(horizon, "max_episode_steps")
+        self._horizon = checks.count(horizon, "max_episode_steps", ENDLESS)
         self._mode = mode_of(autoreset_mode)
         own = {"autoreset_mode": self._mode, "render_fps": frames_a_second(process)}
         self.metadata = {**type(self).metadata, **own}  # pyright: ignore
@@ -93,8 +93,8 @@ class Environments(VectorEnv):
         self._limits = np.column_stack((process.low, process.high))
         self.single_action_space = Box(*self._limits.T.astype(np.float32))
         self.single_observation_space = Box(-np.inf, np.inf, (process.observed,), np.float64)
-        self.action_space = batch_space(self.single_action_space, num_envs)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         # The robots, and as many as there are starts, where episodes begin.
         starts = starts_of(process)
         self._starts = steppers_of(process, starts, 1)
@@ -388,7 +388,8 @@ def stacked(state: State, count: int) -> State:
 
 def starts_of(process: DecisionProcess) -> State:
     """Return the states that episodes begin in, a stack."""
-    given = process.robot.own(process.starts or process.robot.home)
+    given = process.robot.home if process.starts is None else process.starts
+    given = process.robot.own(given)
     return given if given.batch else stacked(given, 1)
 
 

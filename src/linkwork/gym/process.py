@@ -30,6 +30,7 @@ from linkwork.robot import Robot
 
 Decided = Callable[[Any, Observation, np.ndarray], Any]
 REWARD, TERMINATION, OBSERVATION = "the reward", "the termination", "the observation"
+ENDLESS = 2**62  # steps of an episode, at most: those of one that is never cut off
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +101,8 @@ class DecisionProcess:
         object.__setattr__(self, "high", high)
         # Numbers and functions.
         checks.positive(self.dt, "dt", "s")
-        for name in ("horizon", "substeps"):
-            object.__setattr__(self, name, checks.count(getattr(self, name), name))
+        for name, most in (("horizon", ENDLESS), ("substeps", None)):
+            object.__setattr__(self, name, checks.count(getattr(self, name), name, most))
         for name in ("observation", "reward", "terminated", "forces", "rates"):
             given = getattr(self, name)
             if not (callable(given) or (given is None and name not in ("observation", "reward"))):
@@ -113,12 +114,16 @@ class DecisionProcess:
                 "action does"
             )
         # Further states, drives, and what is drawn.
+        object.__setattr__(self, "states", extras_of(self.states))
         if bool(self.states) != (self.rates is not None):
             raise LinkworkError("further states have rates, and rates are of states; give both")
-        object.__setattr__(self, "states", extras_of(self.states))
-        example = "{'slide_1': linkwork.control.Saturated(limit=2.0)}"
-        require_drives(self.robot.names, checks.by_name(self.drives, "drives", example))
-        for name, bounds in checks.by_name(self.draws, "draws", "{'goal': (-1.0, 1.0)}").items():
+        for name, example in (
+            ("drives", "{'slide_1': linkwork.control.Saturated(limit=2.0)}"),
+            ("draws", "{'goal': (-1.0, 1.0)}"),
+        ):
+            object.__setattr__(self, name, checks.by_name(getattr(self, name), name, example))
+        require_drives(self.robot.names, self.drives)
+        for name, bounds in self.draws.items():
             given = checks.finite(bounds, f"the bounds of {name!r}")
             if given.shape != (2,) or given[0] > given[1]:
                 raise LinkworkError(

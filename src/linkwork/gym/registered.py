@@ -14,9 +14,8 @@ from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.gym.environment import Environment
 from linkwork.gym.environments import Environments
-from linkwork.gym.process import DecisionProcess
+from linkwork.gym.process import ENDLESS, DecisionProcess
 
-ENDLESS = 2**62  # steps of an episode that `gymnasium.wrappers.TimeLimit` cuts off
 READY = {
     "Linkwork/Reach-v0": ("reaching", 100),
     "Linkwork/Balance-v0": ("balancing", 250),
@@ -42,7 +41,7 @@ def register(id: str, process: Callable[[], DecisionProcess], horizon: int) -> N
         raise LinkworkError(
             f"the process of {id!r} is {checks.shown(process)}; give a function that returns one"
         )
-    horizon = checks.count(horizon, "horizon")
+    horizon = checks.count(horizon, "horizon", ENDLESS)
     gymnasium.register(
         id,
         entry_point=partial(single, process),
@@ -52,7 +51,8 @@ def register(id: str, process: Callable[[], DecisionProcess], horizon: int) -> N
 
 
 def single(process: Callable[[], DecisionProcess], **options: Any) -> Environment:
-    """Return one environment, without a limit of its own."""
+    """Return one environment, without a limit of its own: `gymnasium.wrappers.TimeLimit` cuts its
+    episodes off."""
     return Environment(process(), **{"max_episode_steps": ENDLESS, **options})
 
 
