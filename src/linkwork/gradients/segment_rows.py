@@ -134,17 +134,28 @@ class SegmentRows:
     @cached_property
     def cuts(self) -> dict[int, int]:
         """The rows at which steps ended at events, with the numbers of these: those that pass zero,
-        rather than leap over it with inputs that jump, before those that leap with a law."""
+        rather than leap over it with inputs that jump, before those that leap with a law.
+
+        Steps of a fixed length end at none. Where a time that nothing moves is the end of one, too,
+        what acts in its stages is what acted there in the run, on whichever side.
+        """
         found, events = {}, self.segment.trajectory.events
         for time, event in zip(events.times, events.index, strict=True):
             row = int(np.abs(self.t - time).argmin())
             size = max(self.t[row], self.t[row] - self.t[row - 1])
             if not (self.system.events[event].cuts and abs(self.t[row] - time) <= CLOSE * size):
                 continue
+            if not self.plans[0].exponent and self.of_time(row, int(event)):
+                continue
             leaps = self.leaps(row, int(event))
             if not leaps or (row not in found and not self.whole.jump_at(self.t[row])):
                 found[row] = int(event)
         return found
+
+    def of_time(self, row: int, event: int) -> bool:
+        """Tell whether an event function does not change with the state at a row."""
+        state, slope = self.state(row, self.held[max(row - 1, 0)], True), self.slope_before(row)
+        return self.whole.by_state_and_time(self.chart, state, event, slope)[0] == 0
 
     def leaps(self, row: int, event: int) -> bool:
         """Tell whether an event function leaps over zero at a row."""
