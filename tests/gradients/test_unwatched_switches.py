@@ -61,6 +61,30 @@ def test_steps_of_given_lengths_end_at_no_event(near, own):
     assert found["positions.rail"] == pytest.approx(3.0, rel=1e-9)
 
 
+@pytest.mark.parametrize("own", FIXED)
+@pytest.mark.parametrize("behind", [lambda t: t > 0.1, lambda t: t >= 0.1])
+def test_fixed_steps_that_end_at_a_time_that_is_an_event_keep_their_sides(behind, own):
+    """By differences of runs: stages at the end of a step act as the law does there, whichever."""
+    robot, last = lw.Robot(CART), {"joint_position": np.array([[0.0], [1.0]])}
+    events = [Event(lambda t, state: t - 0.1, cuts=True)]
+
+    def run(rate: float, k: float) -> lw.Run:
+        def law(t, state):
+            push = math.where(behind(t), 2.0, -1.0) * state.parameter("k", 1.0)
+            return [push * math.cos(state["rail"])]
+
+        start = robot.home.with_rates([rate])
+        given = {"parameters": {"k": k}, "duration": 0.2, "samples": 2, "events": events}
+        return robot.simulate(start, law, **given, **own)
+
+    def slope(rate: float, k: float) -> float:
+        ahead, back = (run(0.5 + h * rate, 1 + h * k).final.positions for h in (1e-5, -1e-5))
+        return (ahead - back).item() / 2e-5
+
+    found = run(0.5, 1.0).gradient(last, ["rates", "parameters"])
+    np.testing.assert_allclose([*found.values()], [slope(1, 0), slope(0, 1)], rtol=1e-8)
+
+
 @pytest.mark.parametrize("own", [*ADAPTIVE, *FIXED])
 def test_a_switch_that_two_events_or_the_end_meet_is_watched_for(own):
     robot = lw.Robot(CART)
