@@ -83,6 +83,17 @@ def test_fixed_steps_that_end_at_a_time_that_is_an_event_keep_their_sides(behind
 
     found = run(0.5, 1.0).gradient(last, ["rates", "parameters"])
     np.testing.assert_allclose([*found.values()], [slope(1, 0), slope(0, 1)], rtol=1e-8)
+    # What is paid is paid from there on: 3 and 3 x a second, from 0.1 s to 0.2 s.
+    paid = robot.gradient(
+        None,
+        robot.home.with_rates([1.0]),
+        [0.0],
+        running=lambda t, state: math.where(behind(t), 3 * (1 + state["rail"]), 0.0),
+        events=events,
+        duration=0.2,
+        **own,
+    )
+    assert paid["positions.rail"] == pytest.approx(0.3, rel=1e-9)
 
 
 @pytest.mark.parametrize("own", [*ADAPTIVE, *FIXED])

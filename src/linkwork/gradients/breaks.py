@@ -15,8 +15,8 @@ import numpy as np
 
 from linkwork.gradients.instants import at_instants, values
 from linkwork.gradients.links import Passing
-from linkwork.gradients.segment_rows import ASIDE, SegmentRows
-from linkwork.gradients.switches import Switching, jumping, require_no_jumps, switching
+from linkwork.gradients.segment_rows import SegmentRows, leaps
+from linkwork.gradients.switches import Switching, require_no_jumps, switching
 
 OFF_JUMPS = 1e-11  # how far off a jump steps end and begin, relative to the step behind
 OFF_KINKS, STIFFLY_OFF = 1e-7, 1e-5
@@ -30,8 +30,6 @@ STRAY = 4.0  # how far stages stray, times the square of the step and half the b
 TICKS, FARTHEST = 2.0**-49, 2.0**-38
 """How far off a jump steps end and begin at least, relative to the time, and at the most where they
 end before the event or behind it, relative to the time or the step."""
-SMOOTH, NOISE = 1e-6, 1e-10
-"""Jump of a number of y' at an event that is none, relative to that number and to the largest."""
 OF_TIME = 0.1  # part of an event function's rate by the state, below which it is an event of time
 
 
@@ -61,19 +59,13 @@ class Breaks:
         for row, event in rows.cuts.items():
             if not 0 < row < rows.last:
                 continue
-            before, behind = self.sides(row)
+            before, behind = rows.sides(row)
             jump, n = before - behind, rows.y.shape[1]
             if leaps(before, behind):
                 state = rows.state(row, rows.held[row - 1], from_left=True)
                 moment = rows.whole.moment(rows.chart, state, event, before[:n])
                 found[row] = Passing(moment, jump[:n], float(jump[n]), np.empty(0, int))
         return found
-
-    def sides(self, row: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return y' and the cost on both sides of an event."""
-        rows = self.rows
-        state, size = rows.state(row, rows.held[row - 1], from_left=True), rows.t[row]
-        return rows.beside(state, -ASIDE * size), rows.beside(state, ASIDE * size)
 
     @cached_property
     def kinks(self) -> set[int]:
@@ -222,7 +214,7 @@ class Breaks:
         it may have stages behind it, and has the right dense output."""
         if row in self.kinks:
             return True
-        before, behind = self.sides(row)
+        before, behind = self.rows.sides(row)
         return not leaps(before[:-1], behind[:-1])
 
     def bend(self, row: int, last: int) -> float:
@@ -279,12 +271,6 @@ class Breaks:
             if row:
                 t[1, row - 1 : row], y[1, row - 1] = self.before(row, aside)
         return StepEnds(t, y)
-
-
-def leaps(before: np.ndarray, behind: np.ndarray) -> bool:
-    """Tell whether a number of y' jumps."""
-    sizes = np.maximum(np.abs(before), np.abs(behind))
-    return bool(jumping(before, behind, sizes, SMOOTH, NOISE).any())
 
 
 def parts(left: float, least: float, bend: float) -> np.ndarray:

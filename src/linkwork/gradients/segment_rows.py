@@ -10,6 +10,7 @@ import numpy as np
 
 from linkwork.gradients.instants import Sampling, values
 from linkwork.gradients.retraced import Retraced
+from linkwork.gradients.switches import jumping
 from linkwork.model.charts import CompiledChart
 from linkwork.runs.passage import Segment
 from linkwork.runs.system import System
@@ -21,6 +22,8 @@ from linkwork.simulation.tableaus import StepPlan
 
 CLOSE = 2.0**-38  # how near to an event a step ends at it, relative to the time and to the step
 ASIDE = 1e-9  # how far from an event both sides of it are looked at, relative to the time
+SMOOTH, NOISE = 1e-6, 1e-10
+"""Jump of a number of y' at an event that is none, relative to that number and to the largest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +139,8 @@ class SegmentRows:
         """The rows at which steps ended at events, with the numbers of these: those that pass zero,
         rather than leap over it with inputs that jump, before those that leap with a law.
 
-        Steps of a fixed length end at none. Where a time that nothing moves is the end of one, too,
-        what acts in its stages is what acted there in the run, on whichever side.
+        Steps of a fixed length end at none. Where the motion jumps at a time that is the end of
+        one, too, what acts in its stages is what acted there in the run, on whichever side.
         """
         found, events = {}, self.segment.trajectory.events
         for time, event in zip(events.times, events.index, strict=True):
@@ -145,17 +148,24 @@ class SegmentRows:
             size = max(self.t[row], self.t[row] - self.t[row - 1])
             if not (self.system.events[event].cuts and abs(self.t[row] - time) <= CLOSE * size):
                 continue
-            if not self.plans[0].exponent and self.of_time(row, int(event)):
+            if not self.plans[0].exponent and self.jumps_in_time(row, int(event)):
                 continue
             leaps = self.leaps(row, int(event))
             if not leaps or (row not in found and not self.whole.jump_at(self.t[row])):
                 found[row] = int(event)
         return found
 
-    def of_time(self, row: int, event: int) -> bool:
-        """Tell whether an event function does not change with the state at a row."""
+    def jumps_in_time(self, row: int, event: int) -> bool:
+        """Tell whether y' jumps at an event that does not change with the state."""
         state, slope = self.state(row, self.held[max(row - 1, 0)], True), self.slope_before(row)
-        return self.whole.by_state_and_time(self.chart, state, event, slope)[0] == 0
+        of_state, _ = self.whole.by_state_and_time(self.chart, state, event, slope)
+        before, behind = self.sides(row)
+        return of_state == 0 and leaps(before[:-1], behind[:-1])
+
+    def sides(self, row: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return y' and the cost on both sides of an event."""
+        state, size = self.state(row, self.held[row - 1], from_left=True), self.t[row]
+        return self.beside(state, -ASIDE * size), self.beside(state, ASIDE * size)
 
     def leaps(self, row: int, event: int) -> bool:
         """Tell whether an event function leaps over zero at a row."""
@@ -189,6 +199,12 @@ class SegmentRows:
         """Return y' before what happens at a row."""
         state = self.state(row, self.held[row - 1], from_left=True)
         return self.beside(state, -ASIDE * self.t[row])[:-1]
+
+
+def leaps(before: np.ndarray, behind: np.ndarray) -> bool:
+    """Tell whether a number of y' jumps."""
+    sizes = np.maximum(np.abs(before), np.abs(behind))
+    return bool(jumping(before, behind, sizes, SMOOTH, NOISE).any())
 
 
 def symplectic(of_rates: Sequence[int], of_q: Sequence[int]) -> tuple[StepPlan, StepPlan]:
