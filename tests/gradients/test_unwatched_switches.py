@@ -61,6 +61,23 @@ def test_steps_of_given_lengths_end_at_no_event(near, own):
     assert found["positions.rail"] == pytest.approx(3.0, rel=1e-9)
 
 
+@pytest.mark.parametrize("own", [*ADAPTIVE, *FIXED])
+def test_what_is_paid_from_a_stated_time_on_asks_for_an_event(own):
+    """Values were 2 % off. Forces that jump at a stated time need none."""
+    robot = lw.Robot(CART)
+    given = None, robot.home.with_rates([1.0])
+    later = {"running": lambda t, state: math.where(t > 0.105, 3 * state["rail"], 0.0)}
+    with pytest.raises(LinkworkError, match=r"what acts jumps at t = 0.105 s, where no step ends"):
+        robot.gradient(*given, [0.0], duration=0.2, **later, **own)
+    law = lambda t, state: [math.where(t > 0.1, 2.0, 0.0)]  # noqa: E731
+    smooth = {"running": lambda t, state: state["rail"] ** 2}
+    assert robot.gradient(*given, law, duration=0.2, **smooth, **own).value > 0
+    if own not in FIXED:
+        events = [Event(lambda t, state: t - 0.105, cuts=True)]
+        found = robot.gradient(*given, [0.0], duration=0.2, events=events, **later, **own)
+        assert found.value == pytest.approx(1.5 * (0.2**2 - 0.105**2), rel=1e-9)
+
+
 @pytest.mark.parametrize("own", FIXED)
 @pytest.mark.parametrize("behind", [lambda t: t > 0.1, lambda t: t >= 0.1])
 def test_fixed_steps_that_end_at_a_time_that_is_an_event_keep_their_sides(behind, own):

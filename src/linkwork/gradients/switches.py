@@ -61,17 +61,22 @@ def branches(acting: Acting) -> bool:
 def function(joined: Joined, cost: int | None) -> ca.Function:
     """Return (q, v, z, r, p) -> modes, and what acts continuously."""
     acts = [joined.outputs[name] for name in ("force", "extra_rates", "wrenches")]
-    acts += [] if cost is None else [joined.outputs["events"][cost]]
-    plain = ca.Function("acts", [*joined.inputs.values()], [ca.densify(ca.vertcat(*acts))])
+    paid = [] if cost is None else [joined.outputs["events"][cost]]
+    plain, costs = (
+        ca.Function("acts", [*joined.inputs.values()], [ca.densify(ca.vertcat(*parts))])
+        for parts in (acts, paid)
+    )
+    # The motion is led over jumps at stated times; what is paid is summed up, step by step.
     given = plain.sx_in()
-    of_time = given[3][: int(joined.acting.timed)]
-    found = [ca.densify(ca.vertcat(ca.SX(0, 1), *modes(plain, given, of_time))), plain(*given)]
-    return ca.Function("switches", given, found, [*joined.inputs], ["modes", "acts"])
+    of_time, at_no_time = given[3][: int(joined.acting.timed)], ca.SX(0, 1)
+    found = [*modes(plain, given, of_time), *modes(costs, given, at_no_time)]
+    together = ca.densify(ca.vertcat(at_no_time, *found)), ca.vertcat(plain(*given), costs(*given))
+    return ca.Function("switches", given, together, [*joined.inputs], ["modes", "acts"])
 
 
 def modes(of: ca.Function, given: list[ca.SX], of_time: ca.SX) -> list[ca.SX]:
     """Return the values of the operations of a function that step, as expressions; but for those of
-    the time alone, which step at the same times whatever changes."""
+    the `of_time` alone, which step at the same times whatever changes."""
     work: dict[int, ca.SX] = {}
     found, fixed = [], {x.element_hash() for x in ca.symvar(of_time)}
     flat = [ca.vertsplit(ca.vec(x)) for x in given]
