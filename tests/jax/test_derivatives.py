@@ -97,6 +97,13 @@ def test_a_step_that_is_not_defined_has_no_derivatives(bars, derivative, rate, h
     assert np.isnan(found).tolist() == [False, True, False]
 
 
+def test_what_is_not_closed_for_want_of_numbers_has_no_derivatives_without_loops_either():
+    model = linkwork.jax.model(lw.Robot("double_pendulum"), singular="nan")
+    q = jnp.array([[0.1, 0.2], [np.nan, 0.3], [np.inf, 1.0]])
+    found = jax.jit(jax.grad(lambda q: jnp.sum(model.closed(q) * jnp.array([2.0, 3.0]))))(q)
+    np.testing.assert_array_equal(found, [[2.0, 3.0], [np.nan] * 2, [np.nan] * 2])
+
+
 def test_undefined_numbers_of_a_step_are_no_singular_pose(bars):
     for q, v, u, h in (
         (bars.q, bars.v, [0.0], np.nan),

@@ -287,6 +287,13 @@ def test_a_step_that_is_not_defined_has_no_gradient():
     assert torch.isfinite(slope[0]).all() and torch.isnan(slope[1]).all()
 
 
+def test_what_is_not_closed_for_want_of_numbers_has_no_gradient_without_loops_either():
+    model = linkwork.torch.model(lw.Robot("double_pendulum"), singular="nan")
+    q = torch.tensor([[0.1, 0.2], [torch.nan, 0.3], [torch.inf, 1.0]], requires_grad=True)
+    (slope,) = torch.autograd.grad((model.closed(q.double()) * torch.tensor([2.0, 3.0])).sum(), q)
+    np.testing.assert_array_equal(slope, [[2.0, 3.0], [torch.nan] * 2, [torch.nan] * 2])
+
+
 def test_a_model_is_pickled_as_what_it_was_made_of(model):
     again = pickle.loads(pickle.dumps(model))
     q, v, u = state_of(model)

@@ -61,7 +61,14 @@ def passing(nq: int, calls: Calls) -> Callable[..., Array]:
     """Return q[, p] -> q of a robot without loops, of which nothing but finite numbers is asked."""
     text = passing_text(nq, this_machine())
     call = calls.made("closed", text, [nq], [nq], not_closing(calls))
-    same = made(lambda q: call(q)[0], lambda q, dq: ((same(*q),), (ad.instantiate_zeros(dq[0]),)))
+
+    # What is refused, NaN, has no derivative either.
+    def moved(q: Sequence[Array], dq: Sequence[Array]) -> tuple[tuple[Array], tuple[Array]]:
+        found = same(*q)
+        own = 1.0 + 0.0 * jax.lax.stop_gradient(found)
+        return (found,), (own * ad.instantiate_zeros(dq[0]),)
+
+    same = made(lambda q: call(q)[0], moved)
     return lambda q, *p: same(q)
 
 
