@@ -272,6 +272,29 @@ def test_fewer_joints_than_determine_the_start_are_where_the_robot_assembles_the
         np.testing.assert_array_equal(made.positions[i], expected.positions)
 
 
+def test_fewer_joints_are_led_to_from_where_the_member_s_own_loops_are_closed():
+    """As the robot of these lengths assembles them, from its home."""
+    name, asked, path = "delta", "motor_2", "motor_3.frames.0.position.x"
+    robot = lw.Robot(name)
+    values, places = robot.home[asked] + np.array([-0.2, 0.1, 0.2]), np.array([-0.02, 0.0, 0.03])
+    places += robot.mechanism.joints["motor_3"].frames[0].position[0]
+    vary = {f"start.joints.{asked}": values, path: places}
+    given = study(
+        robot=robot.mechanism,
+        start={},
+        forces={},
+        vary={each: {"type": "values", "values": tuple(of)} for each, of in vary.items()},
+        design={"type": "grid"},
+        outputs={"energy": "final kinetic_energy"},
+    )
+    made, status = starts(Bench.of(given), np.column_stack([values, places]))
+    assert not status.any()
+    for i, (value, place) in enumerate(zip(values, places, strict=True)):
+        own = lw.Robot(robot.mechanism, free=[path]).with_parameters({path: place})
+        expected = own.assemble({asked: value}).positions
+        np.testing.assert_allclose(made.positions[i], expected, rtol=0, atol=1e-9)
+
+
 def test_parts_of_quaternions_are_no_start_that_varies():
     vary = {"start.joints.ball_1.qx": {"type": "uniform", "low": 0, "high": 0.1}}
     given = study(

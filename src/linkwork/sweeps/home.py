@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import places_of
 from linkwork.model import task
+from linkwork.model.assembly import UnreachableError
 from linkwork.robot import Robot, State
 from linkwork.sweeps.study import Study, StudyError
 
@@ -47,10 +49,14 @@ def posed(study: Study, robot: Robot, values: Mapping[str, float], near: State) 
         if name.startswith(JOINTS)
     }
     guess = State(near.positions, near.rates, near.q, robot.coordinates, robot.independent)
+    still = {name: float(near[name]) for name in robot.independent if name in robot.coordinates}
     if not joints and pose is None:
-        joints = {
-            name: float(near[name]) for name in robot.independent if name in robot.coordinates
-        }
+        joints = still
+    # Fewer joints than determine the others are led to with the member's own loops closed, if the
+    # independent ones may stay where they are.
+    elif study.paths and 0 < len(joints) < robot.mobility - len(robot.spins) <= len(still):
+        with suppress(UnreachableError):
+            guess = robot.assemble(still, guess=guess)
     if joints:
         guess = robot.assemble(joints, guess=guess)
     if pose is None:
