@@ -62,6 +62,7 @@ KEPT = (
 )
 
 COUNTED = 2.0**53  # steps that doubles tell apart
+ONE = 1  # step, the default: what is equal but another object goes the longer way, and is checked
 
 
 class Stepper:
@@ -157,7 +158,7 @@ class Stepper:
     def step(
         self,
         u: ArrayLike | Mapping[str, float] | None = None,
-        steps: int = 1,
+        steps: int = ONE,
         out: np.ndarray | None = None,
     ) -> np.ndarray:
         """Take one step, or some, and return the state y = (q, v, z) there.
@@ -176,7 +177,7 @@ class Stepper:
             LinkworkError: forces that do not fit; they are refused before anything happens.
         """
         # One step the shortest way.
-        if type(steps) is int and steps == 1 and (out is None or out is self.y):
+        if steps is ONE and (out is None or out is self.y):
             y = self._single(self.u if u is None else u)
             if y is None and (code := self._told()):  # the step was not taken as a whole
                 self._attend(code)
