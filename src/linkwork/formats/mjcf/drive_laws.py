@@ -18,13 +18,14 @@ from typing import TypeAlias
 
 import numpy as np
 
+from linkwork.formats.mjcf.branches import coupled
 from linkwork.formats.mjcf.document import Document, flag
-from linkwork.formats.mjcf.inertia import FREEDOMS, along, inertia, mobility, moved_by
+from linkwork.formats.mjcf.inertia import along, inertia, mobility, moved_by
 from linkwork.formats.mjcf.joints import Joints
 from linkwork.formats.mjcf.laws import MUSCLE
 from linkwork.formats.mjcf.motors import MotorLaw, motor_law
 from linkwork.formats.mjcf.presets import GENERAL, area, first
-from linkwork.formats.mjcf.tree import ModelTree, Piece
+from linkwork.formats.mjcf.tree import FREEDOMS, ModelTree, Piece
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import Cable, Combination, Displacement, SliderCrank, Thrust
@@ -338,10 +339,12 @@ class DriveReader:
         }
         places = {label: at[name] for name, label in self.joints.coordinates.items() if name in at}
         places |= {name: at[name] for name in self.joints.floats if name in at}
-        for line in self.tendons.values():
-            if line.inertia:
+        inert = [line for line in self.tendons.values() if line.inertia]
+        if inert:
+            has = coupled(self.tree)
+            for line in inert:
                 J = self._along(line, places)
-                M = M + line.inertia * np.outer(J, J)
+                M = M + line.inertia * has * np.outer(J, J)
         return M, places
 
 

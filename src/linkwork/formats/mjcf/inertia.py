@@ -1,9 +1,7 @@
 """The generalised inertia of an MJCF tree at qpos0, by which MuJoCo's compiler makes springs,
-dampers and gains: `springdamper` of joints, `dampratio` of servos."""
+dampers and gains: `springdamper` of joints (`spring_dampers`), `dampratio` of servos."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -11,13 +9,8 @@ import numpy as np
 from linkwork.equations.cables import way
 from linkwork.equations.displacements import measured
 from linkwork.formats import poses
-from linkwork.formats.mjcf.document import ACTUATORS, Document
-from linkwork.formats.mjcf.tree import ModelTree, Piece
-from linkwork.formats.notes import Notes
+from linkwork.formats.mjcf.tree import FREEDOMS, ModelTree
 from linkwork.mechanism import GROUND, Cable, Displacement, SliderCrank, Thrust
-
-FREEDOMS = {"slide": 1, "hinge": 1, "ball": 3, "free": 6}
-UNSEEN = "has an armature, which is left out"
 
 
 def inertia(tree: ModelTree) -> tuple[np.ndarray, list[range]]:
@@ -100,60 +93,3 @@ def mobility(M: np.ndarray, J: np.ndarray) -> float:
     """Return J M^-1 J', infinite where J moves what has no mass."""
     moved = moved_by(M, J)
     return float("inf") if moved is None else float(J @ moved)
-
-
-def with_spring_dampers(document: Document, tree: ModelTree, notes: Notes) -> ModelTree:
-    """Return the tree with the springs and dampers of joints that give a time constant T and a
-    damping ratio z instead (springdamper).
-
-    k = m / (T z)^2,    d = 2 m / T,    1/m: the mean of M^-1 over the joint's rates
-    """
-    # The joints, by their number in the file's order.
-    wanted = {
-        number: T_z
-        for number, (_, piece) in enumerate(tree.pieces())
-        if min(T_z := time_and_ratio(piece)) > 0
-    }
-    if not wanted:
-        return tree
-    # What the inertia lacks.
-    tendons = [(raw, document.resolved(raw, "tendon")) for raw in document.each("tendon")]
-    actuators = [
-        (raw, document.resolved(raw, "actuator")) for raw in document.each("actuator", *ACTUATORS)
-    ]
-    for raw, element in (*tendons, *actuators):
-        if element.number("armature", 0.0):
-            notes.on(raw, f"{UNSEEN} in springs and dampers by springdamper", alters=True)
-    # Springs and dampers of the joints' own rates.
-    M, places = inertia(tree)
-    units = np.eye(len(M))
-    made, number = {}, 0
-    for name, node in tree.nodes.items():
-        pieces = []
-        for piece in node.pieces:
-            # k = m / (T z)^2 and d = 2 m / T, with the mass m that the joint moves.
-            if number in wanted:
-                (T, z), own = wanted[number], [mobility(M, units[k]) for k in places[number]]
-                mass = 1 / np.mean(own)
-                stiffness = 0.0 if piece.kind == "free" else float(mass / (T * z) ** 2)
-                spring = {"stiffness": stiffness, "rest": piece.springref}
-                friction = {"viscous": float(2 * mass / T)}
-                if "spring" in document.off:
-                    spring = {}
-                if "damper" in document.off:
-                    friction = {}
-                piece = replace(
-                    piece,
-                    spring=piece.spring.model_copy(update=spring),
-                    friction=piece.friction.model_copy(update=friction),
-                )
-            pieces.append(piece)
-            number += 1
-        made[name] = replace(node, pieces=tuple(pieces))
-    return replace(tree, nodes=made)
-
-
-def time_and_ratio(piece: Piece) -> tuple[float, float]:
-    """Return the time constant [s] and damping ratio that a joint gives, or zeros."""
-    T, z = piece.element.numbers("springdamper", (2,), (0.0, 0.0))
-    return T, z

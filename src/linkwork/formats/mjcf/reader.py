@@ -22,11 +22,11 @@ from linkwork.formats.mjcf.actuators import Actuation, ActuatorReader, ball_driv
 from linkwork.formats.mjcf.alignment import aligned
 from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.fluid import drags_of, fluid_of
-from linkwork.formats.mjcf.inertia import with_spring_dampers
 from linkwork.formats.mjcf.joints import Coupling, Joints, read_joints
 from linkwork.formats.mjcf.loops import Equality, LoopReader, Ties
 from linkwork.formats.mjcf.reflected import reflected, with_reflected
 from linkwork.formats.mjcf.replicas import every
+from linkwork.formats.mjcf.spring_dampers import with_spring_dampers
 from linkwork.formats.mjcf.survey import MAKERS, SOFT, UNMADE, survey
 from linkwork.formats.mjcf.tendons import TendonReader, Tendons
 from linkwork.formats.mjcf.tree import COORDINATES, NEAR, ModelTree, read_tree
@@ -87,7 +87,7 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
     root = document.root
     tree = aligned(document, read_tree(document, notes))
     added = reflected(document, tree, notes)
-    tree = with_reflected(with_spring_dampers(document, tree, notes), added.joints)
+    tree = with_reflected(with_spring_dampers(document, tree, added, notes), added.joints)
     standing = _put_by_key(document, tree)
     loops = LoopReader(document, tree, standing, notes)
     ties = loops.ties()

@@ -19,8 +19,8 @@ import numpy as np
 from linkwork.equations.cables import way
 from linkwork.formats import poses
 from linkwork.formats.mjcf.branches import movers, on_one_branch
+from linkwork.formats.mjcf.cable_paths import cable_path
 from linkwork.formats.mjcf.document import Document
-from linkwork.formats.mjcf.geoms import kind_of, measured
 from linkwork.formats.mjcf.joints import Joints
 from linkwork.formats.mjcf.loops import LoopReader, following, polynomial
 from linkwork.formats.mjcf.reflected import Added
@@ -30,19 +30,14 @@ from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     Cable,
-    CablePart,
     Combination,
     Frame,
     Friction,
     GearJoint,
     Joint,
-    OverCylinder,
-    OverSphere,
     PointSpring,
-    PulleyBlock,
     RodJoint,
     SlackSpring,
-    ViaPoint,
 )
 
 Loaded = TypeVar("Loaded", Combination, Cable)
@@ -181,7 +176,9 @@ class TendonReader:
         if not (tied or driven or _acts(element) or self.document.is_limited(element)):
             self.notes.on(element, "is left out: it neither holds nor pulls")
             return
-        cable = element.make(Cable, path=self._path(element))
+        path, sides = cable_path(element, self.document, self.loops)
+        self.found.used |= sides
+        cable = element.make(Cable, path=path)
         if not movers(cable, self._chain) and (tied or not self.document.is_limited(element)):
             self.notes.on(element, STILL)
             return
@@ -199,41 +196,6 @@ class TendonReader:
         """Return a tendon's name, or one that no other has."""
         own = f"tendon_{len(self.found.lines) + 1}"
         return element.attributes.get("name") or self.own_names.give(own)
-
-    def _path(self, element: Element) -> tuple[CablePart, ...]:
-        """Return the way of a cable."""
-        path: list[CablePart] = []
-        for part in element.children:
-            if part.tag == "site":
-                body, X = self.loops.site(element, part.text("site"))
-                path.append(ViaPoint(body=body, point=poses.triple(X[:3, 3])))
-            elif part.tag == "pulley":
-                path.append(part.make(PulleyBlock, divisor=part.number("divisor")))
-            else:
-                path.append(self._surface(part))
-        return tuple(path)
-
-    def _surface(self, part: Element) -> OverSphere | OverCylinder:
-        """Return the surface of a geom that a cable is led round, by its sidesite, or through where
-        that lies within."""
-        name = part.text("geom")
-        if name not in self.loops.tree.geoms:
-            raise part.refusal(f"there is no geom {name!r}")
-        body, X, geom = self.loops.tree.geoms[name]
-        kind = {"sphere": OverSphere, "cylinder": OverCylinder}.get(kind_of(geom))
-        if kind is None:
-            raise part.refusal(f"{name!r} is no sphere and no cylinder; wrap round one of these")
-        size, place = measured(self.document, geom)
-        fields = {"body": body, "frame": poses.frame_of(X @ place), "radius": float(size[0])}
-        if "sidesite" in part.attributes:
-            owner, at = self.loops.site(part, part.text("sidesite"))
-            away = np.linalg.norm(at[:3, 3] - (X @ place)[:3, 3])
-            self.found.used.add(part.text("sidesite"))
-            if owner == body and away < size[0]:
-                fields["inside"] = True
-            else:
-                fields["side"] = ViaPoint(body=owner, point=poses.triple(at[:3, 3]))
-        return part.make(kind, **fields)
 
     def _length_at_zero(self, line: Combination | Cable) -> float:
         """Return the length of a line at qpos0."""

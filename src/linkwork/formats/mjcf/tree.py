@@ -36,6 +36,7 @@ UNLIMITED = 1e10  # beyond this a limit stands for none [m, rad]
 
 Kind = Literal["hinge", "slide", "ball", "free"]
 COORDINATES = {"hinge": 1, "slide": 1, "ball": 4, "free": 7}
+FREEDOMS = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
 
 
 @dataclass(frozen=True)
