@@ -313,6 +313,14 @@ def test_what_nothing_holds_floats_and_what_is_static_stands(tmp_path):
     assert any("<model 'two'> stands still: it is static" in note for note in imported.notes)
 
 
+def test_static_models_need_no_link(tmp_path):
+    inner = "<model name='rails'><model name='rail'><static>1</static></model></model>"
+    imported = read(model(inner, LINK.format("a", "0 0 0 0 0 0", 1)), tmp_path)
+    assert imported.mechanism.bodies.keys() == {"a"}
+    with pytest.raises(MechanismError, match="<model 'rail'>: holds no link"):
+        read(model("<model name='rail'/>", LINK.format("a", "0 0 0 0 0 0", 1)), tmp_path)
+
+
 def test_models_inside_models_and_included_ones(tmp_path):
     """The gripper stands by its palm's frame at the arm's tip, wherever its file puts the palm."""
     (tmp_path / "shelf/gripper").mkdir(parents=True)

@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import linkwork as lw
-from linkwork.errors import LinkworkError
+from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.formats import load
 from linkwork.mechanism import MechanismError
 
@@ -141,6 +141,37 @@ def test_a_joint_inside_gazebo_closes_a_loop_as_all_joints_are_at_zero(tmp_path)
     assert read(five_bar(inside.format("ball")), tmp_path).mechanism.joints["tip"].type == (
         "spherical"
     )
+
+
+def test_a_screw_inside_gazebo_closes_a_loop(tmp_path):
+    """A slide is led by a screw's nut: radians per metre of a left-hand thread, as in SDF."""
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
+    text = f"""<robot name="lift"><link name="base"/><link name="nut">{body}<link name="lift">{body}
+<joint name="turn" type="continuous"><parent link="base"/><child link="nut"/><axis xyz="0 0 1"/>
+</joint><joint name="up" type="prismatic"><parent link="base"/><child link="lift"/>
+<axis xyz="0 0 1"/><limit effort="1" velocity="1"/></joint>
+<gazebo><joint name="thread" type="screw"><parent>lift</parent><child>nut</child>
+<axis><xyz>0 0 1</xyz></axis><thread_pitch>50</thread_pitch></joint></gazebo></robot>"""
+    mechanism = read(text, tmp_path).mechanism
+    assert mechanism.joints["thread"].pitch == -1 / 50
+    robot = lw.Robot(mechanism)
+    state = robot.assemble({"turn": 0.5})
+    # The nut turns and does not rise: it has risen against the lift by as much as that went down.
+    assert robot.mobility == 1 and state["up"] == pytest.approx(0.5 / 50)
+
+
+def test_joints_inside_gazebo_that_are_left_out_are_warned_of(tmp_path):
+    inside = (
+        '<gazebo><link name="extra"/><joint name="{}" type="revolute"><parent>distal_1</parent>'
+        "<child>{}</child></joint></gazebo>"
+    )
+    for name, child, why in (
+        ("tip", "extra", "it leads to a link that only a <gazebo> has"),
+        ("motor_1", "distal_2", "another joint has its name"),
+    ):
+        with pytest.warns(ModelWarning, match=f"<joint '{name}'> in a <gazebo> is left out: {why}"):
+            mechanism = read(five_bar(inside.format(name, child)), tmp_path).mechanism
+        assert mechanism.joints.keys() == CHAIN.keys()
 
 
 def test_a_joint_inside_gazebo_may_be_told_from_other_links(tmp_path):

@@ -454,6 +454,17 @@ def test_reductions_and_limits_of_effort_are_drives(tmp_path):
         assert runs[0]["j"] == pytest.approx(runs[1]["j"], rel=1e-9)
 
 
+def test_a_reduction_that_is_no_number_is_1_and_noted(tmp_path):
+    drive = (
+        '<transmission name="t"><type>transmission_interface/SimpleTransmission</type>'
+        '<joint name="j"/><actuator name="m"><mechanicalReduction>reduction</mechanicalReduction>'
+        "</actuator></transmission>"
+    )
+    imported = read(arm(drive), tmp_path)
+    assert imported.mechanism.actuators == ("j",) and not imported.mechanism.drives
+    assert any("<mechanicalReduction> is no number" in note for note in imported.notes)
+
+
 @pytest.mark.parametrize("effort", ["0", "inf", "1e60", "much", "-3"])
 def test_limits_of_effort_that_bound_nothing_are_none(effort, tmp_path):
     text = arm(first=f'<limit effort="{effort}" velocity="1"/>')

@@ -91,6 +91,7 @@ def test_other_encodings_are_read(tmp_path):
 BROKEN = {
     "blank lines first": ("<?xml", "\n\n <?xml"),
     "hyphens in comments": ("</worldbody>", "<!-- a -- <b/> --->\n</worldbody>"),
+    "a comment that is none": ("</worldbody>", "<!-\\- a\n <b/ -\\->\n</worldbody>"),
     "a lone ampersand": (
         "</worldbody>",
         '</worldbody><custom><text name="x" data="R & D"/></custom>',

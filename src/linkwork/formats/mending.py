@@ -2,9 +2,9 @@
 same: files from hands and from old exporters.
 
 Bytes that are no UTF-8 (Windows' letters in names and comments), empty lines before the
-declaration, two hyphens in a comment, a lone & in a name, attributes without a space between them,
-characters that print nothing, the last end tag twice. The text stays in its lines; entities and
-document types stay what they are.
+declaration, two hyphens in a comment, <! ...> that is none, a lone & in a name, attributes without
+a space between them, characters that print nothing, the last end tag twice. The text stays in its
+lines; entities and document types stay what they are.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ LONE = re.compile(r"&(?![#\w]+;)")
 TOUCHING = re.compile(r"""(=\s*(?:"[^"<]*"|'[^'<]*'))(?=[\w:])""")
 UNPRINTED = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f]")
 SPARE = re.compile(r"(</([\w:]+)\s*>)(?:\s*</\2\s*>)+\s*\Z")
+ODD = re.compile(r"<!(?!--|DOCTYPE|ENTITY|\[CDATA\[)[^>]*>")
 LETTERS = ("utf-8-sig", "cp1252", "latin-1")
 WIDE = (b"\xff\xfe", b"\xfe\xff")  # how UTF-16 begins
 
@@ -31,7 +32,7 @@ def mended(data: bytes) -> bytes | None:
     text = _decoded(data)
     if before := DECLARATION.match(text):
         text = _lines(before[0]) + text[before.end() :]
-    text = _without_comments(text)
+    text = ODD.sub(lambda odd: _lines(odd[0]), _without_comments(text))
     text = SPARE.sub(r"\1", UNPRINTED.sub(" ", LONE.sub("&amp;", text)))
     return TOUCHING.sub(r"\1 ", text).encode()
 

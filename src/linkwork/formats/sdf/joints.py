@@ -12,14 +12,14 @@ Source: the SDF specification, http://sdformat.org/spec (joint).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import inf, pi
+from math import inf
 
 import numpy as np
 
 from linkwork.formats import drake, poses
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
-from linkwork.formats.sdf.scopes import MODEL, Scope
+from linkwork.formats.sdf.scopes import MODEL, Scope, thread_pitch
 from linkwork.formats.xml import Element, shortened
 from linkwork.mechanism import (
     GROUND,
@@ -166,7 +166,7 @@ class JointReader:
         fields |= {"axis": self._axis(joint, "axis"), **acting}
         made = RevoluteJoint if kind in HINGES else PrismaticJoint
         if kind == "screw":
-            made, fields["pitch"] = ScrewJoint, self._pitch(joint.element)
+            made, fields["pitch"] = ScrewJoint, thread_pitch(joint.element)
         self.joints[joint.name] = joint.element.make(made, **fields)
         joint.labels["axis"] = joint.name
 
@@ -274,15 +274,6 @@ class JointReader:
                 if 0 < effort < NO_LIMIT:
                     joint.efforts[tag] = effort
         return found
-
-    def _pitch(self, element: Element) -> float:
-        """Return the advance of a screw per radian [m/rad]."""
-        if element.first("screw_thread_pitch") is not None:
-            return element.inner_number("screw_thread_pitch", 0.0) / (2 * pi)
-        pitch = element.inner_number("thread_pitch", 1.0)
-        if not pitch:
-            raise element.refusal("thread_pitch is 0; give radians per metre of a left-hand thread")
-        return -1 / pitch
 
     # -------------------------------------------------------------------------------------- gears
 

@@ -169,7 +169,7 @@ def _free(scopes: list[Scope], keys: dict[str, str], reader: JointReader) -> dic
     moving = [
         (scope, name)
         for scope in scopes
-        if not scope.static and not scope.world
+        if not scope.static and not scope.world and scope.moves()
         for name in dict.fromkeys((scope.canonical(), *(name for name, _ in scope.links())))
     ]
     free: dict[str, Joint] = {}

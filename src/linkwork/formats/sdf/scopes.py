@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from math import pi
 
 import numpy as np
 
@@ -138,7 +139,8 @@ class Scope:
         if name == WORLD and WORLD not in self.named:
             return GROUND, np.eye(4)
         if name in ("", MODEL):
-            return (GROUND, np.eye(4)) if self.world else self.mount(self.canonical(), asking)
+            stands = self.world or self.static or not self.moves()
+            return (GROUND, np.eye(4)) if stands else self.mount(self.canonical(), asking)
         scope, rest = self._inside(name, asking)
         if scope is not self:
             return scope.mount(rest, asking)
@@ -161,6 +163,12 @@ class Scope:
         finally:
             self._asked.discard(name)
 
+    def moves(self) -> bool:
+        """Tell whether a model is more than static models without a link of their own."""
+        inner = [*self.models.values(), *self.merged]
+        alone = not self.static and not inner
+        return alone or any(True for _ in self.links()) or any(model.moves() for model in inner)
+
     def canonical(self) -> str:
         """Return the name of the link that the model's own frame is attached to."""
         stated = self.element.attributes.get("canonical_link", "")
@@ -169,9 +177,11 @@ class Scope:
         for name, _ in self.links():
             return name
         for name, model in self.models.items():
-            return f"{name}{BETWEEN}{model.canonical()}"
+            if model.moves():
+                return f"{name}{BETWEEN}{model.canonical()}"
         for model in self.merged:
-            return model.canonical()
+            if model.moves():
+                return model.canonical()
         raise self.element.refusal("holds no link")
 
 
@@ -189,6 +199,16 @@ def read_pose(pose: Element) -> np.ndarray:
     if pose.choice("degrees", ("true", "false", "1", "0"), "false") in ("true", "1"):
         angles = np.radians(angles)
     return poses.pose(numbers[:3], poses.from_rpy(*angles))
+
+
+def thread_pitch(joint: Element) -> float:
+    """Return the advance of a screw per radian [m/rad]."""
+    if joint.first("screw_thread_pitch") is not None:
+        return joint.inner_number("screw_thread_pitch", 0.0) / (2 * pi)
+    pitch = joint.inner_number("thread_pitch", 1.0)
+    if not pitch:
+        raise joint.refusal("thread_pitch is 0; give radians per metre of a left-hand thread")
+    return -1 / pitch
 
 
 def _text(element: Element, tag: str) -> str:

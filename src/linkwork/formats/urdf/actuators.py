@@ -20,7 +20,7 @@ from math import isfinite
 from linkwork.formats.notes import Notes
 from linkwork.formats.urdf.model import ONE_FREEDOM, UrdfJoint, UrdfModel
 from linkwork.formats.xml import Element
-from linkwork.mechanism import Combination, Transmission
+from linkwork.mechanism import Combination, MechanismError, Transmission
 from linkwork.mechanism.record import HUGE
 
 REDUCTIONS = ("mechanicalReduction", "mechanical_reduction")
@@ -76,14 +76,15 @@ def _transmissions(model: UrdfModel, found: UrdfActuation, notes: Notes) -> dict
             continue
         # Each joint by itself.
         motor = transmission.first("actuator")
-        reduction = _reduction(transmission) * (1.0 if motor is None else _reduction(motor))
+        reduction = _reduction(transmission, notes)
+        reduction *= 1.0 if motor is None else _reduction(motor, notes)
         for element in transmission.each("joint"):
             name = element.text("name")
             if name not in model.joints:
                 notes.on(element, "is driven by a transmission, which is left out: it is not there")
             elif model.joints[name].type in ONE_FREEDOM:
                 found.names[model.labels[name]] = None
-                reductions[name] = reduction * _reduction(element)
+                reductions[name] = reduction * _reduction(element, notes)
             else:
                 notes.on(
                     element,
@@ -111,8 +112,8 @@ def _paired(transmission: Element, model: UrdfModel, found: UrdfActuation, notes
         )
         return False
     one, two = (model.labels[name] for name in names)
-    n_1, n_2 = map(_reduction, parts["joint"])
-    n_a, n_b = map(_reduction, parts["actuator"])
+    n_1, n_2 = (_reduction(part, notes) for part in parts["joint"])
+    n_a, n_b = (_reduction(part, notes) for part in parts["actuator"])
     ratios = [{one: n_1 * n_a, two: n_2 * n_a}, {one: n_1 * n_b, two: -n_2 * n_b}]
     if _kind(transmission) == PAIRED[1]:
         ratios = [{one: n_1 * n_a, two: -n_2 * n_1 * n_a}, {two: n_2 * n_b}]
@@ -137,11 +138,14 @@ def _role(part: Element) -> str:
     return part.attributes.get("role", "") if inner is None else inner.content
 
 
-def _reduction(part: Element) -> float:
-    """Return a part's own reduction, 1 where it gives none or zero."""
+def _reduction(part: Element, notes: Notes) -> float:
+    """Return a part's own reduction, 1 where it gives none or zero, or no number."""
     found = 1.0
     for tag in REDUCTIONS:
-        found = part.inner_number(tag, found)
+        try:
+            found = part.inner_number(tag, found)
+        except MechanismError:
+            notes.on(part.named(tag), "is no number; the reduction is taken as 1")
     return found or 1.0
 
 

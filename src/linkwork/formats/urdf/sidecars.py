@@ -35,6 +35,7 @@ https://github.com/ros/urdfdom/pull/264 (proposal), http://sdformat.org/spec (jo
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
@@ -44,7 +45,7 @@ import numpy as np
 
 from linkwork.formats import poses, xml
 from linkwork.formats.notes import Notes
-from linkwork.formats.sdf.scopes import read_pose
+from linkwork.formats.sdf.scopes import read_pose, thread_pitch
 from linkwork.formats.urdf.model import ONE_FREEDOM, UrdfJoint, UrdfModel, axis_of, origin, weight
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
@@ -55,6 +56,7 @@ from linkwork.mechanism import (
     PlanarJoint,
     PrismaticJoint,
     RevoluteJoint,
+    ScrewJoint,
     SphericalJoint,
     UniversalJoint,
 )
@@ -66,20 +68,24 @@ UNIVERSAL = re.compile(r"UJOINT_([XYZ])([XYZ])")
 LOOPS = ("revolute", "continuous", "prismatic", "fixed", "spherical", "ball", "planar")
 CONSTRAINTS = (*LOOPS, "universal")
 MODEL = "__model__"  # SDF's name of the frame of the whole model
-GAZEBO = ("revolute", "continuous", "prismatic", "fixed", "ball")
+GAZEBO = ("revolute", "continuous", "prismatic", "screw", "fixed", "ball")
+OWN_LINKS = "in a <gazebo> is left out: it leads to a link that only a <gazebo> has"
+TAKEN = "in a <gazebo> is left out: another joint has its name"
 # Of three hinges that are a spherical joint: mass of links, distance of axes, over the robot's.
 LIGHT, NEAR = 1e-6, 5e-4
 
 
 @dataclass(frozen=True)
 class Closure:
-    """Hold a joint that closes a loop: a type of joint between frames of two links."""
+    """Hold a joint that closes a loop: a type of joint between frames of two links, and its other
+    fields."""
 
     name: str
     type: type
     links: tuple[str, str]
     frames: tuple[np.ndarray, np.ndarray] = (np.eye(4), np.eye(4))
     axis: np.ndarray | None = None
+    more: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass
@@ -107,7 +113,8 @@ class Closures:
                 raise MechanismError(f"{model.root.file}: {fault}")
             frames = poses.frame_of(X @ closure.frames[0]), poses.frame_of(Y @ closure.frames[1])
             axis = {} if closure.axis is None else {"axis": tuple(map(float, closure.axis))}
-            made[closure.name] = closure.type(connects=(one, two), frames=frames, **axis)
+            fields = {"connects": (one, two), "frames": frames, **axis, **closure.more}
+            made[closure.name] = closure.type(**fields)
         return made | self.gears
 
 
@@ -115,7 +122,7 @@ def read_closures(model: UrdfModel, notes: Notes, merging: bool) -> Closures:
     """Read the loops in the file and those beside it; joints of the model change their type as the
     file beside says."""
     found = Closures()
-    _read_urdf_plus(model, found)
+    _read_urdf_plus(model, found, notes)
     path = _beside(model.root.file)
     if path is not None:
         _Laas(path, model, notes).read(found, merging)
@@ -125,12 +132,9 @@ def read_closures(model: UrdfModel, notes: Notes, merging: bool) -> Closures:
 # -------------------------------------------------------------------------------------------- URDF+
 
 
-def _read_urdf_plus(model: UrdfModel, found: Closures) -> None:
+def _read_urdf_plus(model: UrdfModel, found: Closures, notes: Notes) -> None:
     names = set(model.joints)
-    inside = [
-        *model.root.each("loop", "coupling", "constraint"),
-        *(joint for gazebo in model.root.each("gazebo") for joint in gazebo.each("joint")),
-    ]
+    inside = [*model.root.each("loop", "coupling", "constraint"), *_gazebo_joints(model, notes)]
     read = {"loop": _loop, "constraint": _constraint, "joint": _gazebo_joint}
     for element in inside:
         name = element.text("name")
@@ -207,6 +211,20 @@ def _constraint(name: str, element: Element, model: UrdfModel) -> Closure:
     )
 
 
+def _gazebo_joints(model: UrdfModel, notes: Notes) -> Iterator[Element]:
+    """Yield the joints in <gazebo> between links of the file, whose names are not taken."""
+    gazebos, names = [*model.root.each("gazebo")], set(model.joints)
+    own = {link.attributes.get("name") for gazebo in gazebos for link in gazebo.each("link")}
+    own -= model.links.keys()
+    for joint in (joint for gazebo in gazebos for joint in gazebo.each("joint")):
+        ends, name = {end.content for end in joint.each("parent", "child")}, joint.text("name")
+        if own & ends or name in names:
+            notes.on(joint, TAKEN if name in names else OWN_LINKS, alters=True)
+        else:
+            names.add(name)
+            yield joint
+
+
 def _gazebo_joint(name: str, element: Element, model: UrdfModel) -> Closure:
     """Return the loop that an SDF joint inside <gazebo> closes."""
     kind = element.choice("type", GAZEBO, "")
@@ -220,8 +238,13 @@ def _gazebo_joint(name: str, element: Element, model: UrdfModel) -> Closure:
     own = np.eye(4) if pose is None else read_pose(pose)
     far = _seen_from(pose, "relative_to", ends[1], model) @ own
     near = poses.inverse(model.at_zero(ends[0])) @ model.at_zero(ends[1]) @ far
-    made = {"prismatic": PrismaticJoint, "fixed": FixedJoint, "ball": SphericalJoint}
-    along = None
+    made = {
+        "prismatic": PrismaticJoint,
+        "screw": ScrewJoint,
+        "fixed": FixedJoint,
+        "ball": SphericalJoint,
+    }
+    along, more = None, {"pitch": thread_pitch(element)} if kind == "screw" else {}
     if kind not in ("fixed", "ball"):
         inner = axis and axis.inner("xyz")
         along = np.array((0.0, 0.0, 1.0) if not inner else inner.vector("xyz"))
@@ -231,7 +254,8 @@ def _gazebo_joint(name: str, element: Element, model: UrdfModel) -> Closure:
             told = _seen_from(inner, "expressed_in", ends[1], model)
             along = far[:3, :3].T @ told[:3, :3] @ along
         along = poses.unit(along)
-    return Closure(name, made.get(kind, RevoluteJoint), (ends[0], ends[1]), (near, far), along)
+    joint = made.get(kind, RevoluteJoint)
+    return Closure(name, joint, (ends[0], ends[1]), (near, far), along, more)
 
 
 def _seen_from(element: Element | None, key: str, link: str, model: UrdfModel) -> np.ndarray:
