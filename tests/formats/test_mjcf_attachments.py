@@ -168,6 +168,37 @@ def test_a_tendon_goes_on_through_what_stands_before(case, tmp_path):
     assert difference(path) < 1e-9
 
 
+HANGS = '<body name="r"><joint name="r"/><geom size="0.1"/>{}</body>'
+COPIED = '<replicate count="2" offset="0 0 1" sep="_">{}</replicate>'
+FINGER = '<body name="hand"><attach model="finger" body="f" prefix="p-"/></body>'
+BESIDE = {
+    "before": FINGER + COPIED.format(HANGS.format("")),
+    "behind": COPIED.format(HANGS.format("")) + FINGER,
+    "inside": COPIED.format(HANGS.format(FINGER)),
+    "twice": COPIED.format(HANGS.format(FINGER.replace("p-", "q-"))) + FINGER,
+}
+
+
+@pytest.mark.parametrize("case", BESIDE)
+def test_replicas_and_attached_models_come_in_the_order_of_the_tree(case, tmp_path):
+    """Actuators are those of MuJoCo in its order, and a tendon goes on through a copy that stands
+    before."""
+    (tmp_path / "finger.xml").write_text("""<mujoco model="finger"><worldbody>
+<body name="f"><joint name="f"/><geom size="0.1"/></body>
+<body name="g"><joint name="r_1"/><geom size="0.1"/></body></worldbody>
+<tendon><fixed name="t" stiffness="2"><joint joint="f" coef="1"/><joint joint="r_1" coef="3"/>
+</fixed></tendon><actuator><motor joint="f"/><motor joint="r_1"/></actuator></mujoco>""")
+    path = tmp_path / "hand.xml"
+    path.write_text(f"""<mujoco><asset><model name="finger" file="finger.xml"/></asset>
+<worldbody>{BESIDE[case]}</worldbody><actuator><motor joint="r"/></actuator></mujoco>""")
+    model, mechanism = mj.MjModel.from_xml_path(str(path)), load(path).mechanism
+    joints = [model.joint(number).name for number in range(model.njnt)]
+    assert list(mechanism.actuators) == [joints[number] for number in model.actuator_trnid[:, 0]]
+    lines = [tuple(line.ratios) for line in mechanism.transmissions.values()]
+    assert lines == [("p-f", "r_1")] * model.ntendon
+    assert model.ntendon == (case in ("behind", "twice"))
+
+
 def test_what_is_not_attached_is_noted(tmp_path):
     leg = LEG.replace("<asset>", '<option gravity="0 0 -1"/><asset>')
     leg = leg.replace("</mujoco>", '<keyframe><key name="home" qpos="0 0 0"/></keyframe></mujoco>')

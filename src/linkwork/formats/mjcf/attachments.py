@@ -17,18 +17,21 @@ from pathlib import PurePosixPath
 from linkwork.formats import xml
 from linkwork.formats.mjcf.options import taken_over
 from linkwork.formats.mjcf.replicas import (
+    ATTACHED,
     KINDS,
+    MANY,
     REFERENCES,
     REPLICATE,
+    SECTIONS,
     Known,
     every,
     references,
+    suffixes_of,
 )
 from linkwork.formats.xml import Element
 
 ATTACH = "attach"
 WORLD = "world"
-SECTIONS = ("tendon", "equality", "actuator")  # those of tendons before those that refer to them
 CARRIED = ("asset", "default", "contact", "sensor", "deformable", "extension")
 """Sections that come whole: their elements are used by name, or noted."""
 NAMES = {"name", "mesh", "material", "hfield", "texture", *REFERENCES}
@@ -94,7 +97,11 @@ class AttachmentWriter:
         ]
         # What is copied has other names behind its <replicate>.
         if copied:
-            self.before = around
+            suffixes = suffixes_of(element)
+            inner, self.before = self.before, around
+            for kind, names in inner.items():
+                new = names - around.get(kind, set())
+                around.setdefault(kind, set()).update(n + end for n in new for end in suffixes)
         return replace(element, children=inside)
 
     def attached(self, element: Element, depth: int) -> Element:
@@ -119,19 +126,19 @@ class AttachmentWriter:
             self.count += 1
             _called(part, known)
         if self.count > xml.MOST:
-            raise element.refusal(
-                f"makes more than {xml.MOST} elements, with the others; a mechanism has fewer"
-            )
+            raise element.refusal(MANY)
         # What comes with it.
         carried = [section for section in model.root.children if section.tag in CARRIED]
+        number = {ATTACHED: str(len(self.sections))}
         self.sections += [prefixed(section, prefix, 1) for section in carried]
-        self.sections += self.referring(model.root, known, prefix)
+        for section in self.referring(model.root, known, prefix):
+            self.sections.append(replace(section, attributes=number))
         so_far = replace(self.root, children=[*self.root.children, *self.sections])
         self.sections += taken_over(so_far, model.root)
         return replace(
             element,
             tag="frame",
-            attributes={CHILDREN: childclass},
+            attributes={CHILDREN: childclass} | number,
             children=[prefixed(child, prefix, depth + 1) for child in inside],
         )
 

@@ -6,7 +6,8 @@ Copy i of what stands in a <replicate> is turned by i times its Euler angles, R_
 
 Its names end with sep and i, in as many digits as their number has. What refers to a copied joint,
 site, body or geom from outside (tendons, actuators, equalities) is copied with it, behind all that
-does not; an equality that refers to a copied element and to one outside is not there at all.
+stands before: what the document says itself, and what came with <attach> and <replicate> ahead of
+it in the tree. An equality that refers to a copied element and to one outside is not there at all.
 """
 
 from __future__ import annotations
@@ -32,6 +33,11 @@ REFERENCES = {
 }
 """What an attribute refers to, by its name."""
 SECTIONS = ("tendon", "equality", "actuator")  # those of tendons before those that refer to them
+ATTACHED = "attached"
+"""The attribute by which frames of attached parts, and the sections that come with them, are told:
+a number."""
+
+MANY = f"makes more than {xml.MOST} elements, with the others; a mechanism has fewer"
 
 Known = dict[str, set[str]]  # names by what has them
 
@@ -41,25 +47,37 @@ class ReplicaWriter:
     """Write out the replicas of one document.
 
     turned: gives R_i of a <replicate>
-    copied: names and suffixes of each <replicate>, inner ones first
+    happened: the numbers of attached parts, and names and suffixes of each <replicate>, in the
+        order of the tree, inner ones first
     lost: equalities that are not there
     """
 
     turned: Callable[[Element, int], np.ndarray]
-    copied: list[tuple[Known, list[str]]] = field(default_factory=list)
+    happened: list[str | tuple[Known, list[str]]] = field(default_factory=list)
     lost: list[Element] = field(default_factory=list)
     count: int = 0
 
     def written(self, root: Element) -> Element:
         """Return the whole document without <replicate>."""
-        world = [self.within(child) for child in root.children]
-        for names, suffixes in self.copied:
-            for section in SECTIONS:
-                world = [
-                    self.referring(child, names, suffixes) if child.tag == section else child
-                    for child in world
-                ]
-        return replace(root, children=world)
+        children = [self.within(child) for child in root.children]
+        if not self.happened:
+            return replace(root, children=children)
+
+        def those(tag: str, number: str) -> list[Element]:
+            all_of = (child for child in children if child.tag == tag)
+            own = (each for each in all_of if each.attributes.get(ATTACHED, "") == number)
+            return [child for section in own for child in section.children]
+
+        made = {tag: those(tag, "") for tag in SECTIONS}
+        for event in self.happened:
+            for tag in SECTIONS:
+                if isinstance(event, str):
+                    made[tag] += those(tag, event)
+                else:
+                    made[tag] = self.referring(tag, made[tag], *event)
+        rest = [child for child in children if child.tag not in SECTIONS]
+        sections = [replace(root, tag=tag, attributes={}, children=made[tag]) for tag in SECTIONS]
+        return replace(root, children=[*rest, *sections])
 
     def within(self, element: Element) -> Element:
         """Return an element with the replicas in it written out."""
@@ -67,25 +85,22 @@ class ReplicaWriter:
         for child in element.children:
             inner = self.within(child)
             children += self.copies(inner) if child.tag == REPLICATE else [inner]
-        return replace(element, children=children)
+        own = dict(element.attributes)
+        if element.tag == "frame" and ATTACHED in own:
+            self.happened.append(own.pop(ATTACHED))
+        return replace(element, attributes=own, children=children)
 
     def copies(self, element: Element) -> Iterator[Element]:
         """Yield the frames of all copies of a <replicate> whose own contents are written out."""
-        count = element.number("count")
-        if count < 0 or count % 1:
-            raise element.refusal(f"count is {count:g}; give a whole number, zero or more")
-        self.count += int(count) * sum(1 for _ in every(element))
+        suffixes = suffixes_of(element)
+        self.count += len(suffixes) * sum(1 for _ in every(element))
         if self.count > xml.MOST:
-            raise element.refusal(
-                f"makes more than {xml.MOST} elements, with the others; a mechanism has fewer"
-            )
-        digits, sep = len(str(int(count))), element.attributes.get("sep", "")
-        suffixes = [f"{sep}{i:0{digits}d}" for i in range(int(count))]
+            raise element.refusal(MANY)
         names: Known = {}
         for part in every(element):
             if part is not element and part.tag in KINDS and "name" in part.attributes:
                 names.setdefault(KINDS[part.tag], set()).add(part.attributes["name"])
-        self.copied.append((names, suffixes))
+        self.happened.append((names, suffixes))
         offset, place = np.array(element.vector("offset", (0.0, 0.0, 0.0))), np.zeros(3)
         for i, suffix in enumerate(suffixes):
             R = self.turned(element, i)
@@ -98,11 +113,13 @@ class ReplicaWriter:
             yield replace(element, tag="frame", attributes=own | pose, children=inside)
             place = place + R @ offset
 
-    def referring(self, section: Element, names: Known, suffixes: list[str]) -> Element:
-        """Return a section whose elements that refer to copied ones are copied, too."""
+    def referring(
+        self, tag: str, there: list[Element], names: Known, suffixes: list[str]
+    ) -> list[Element]:
+        """Return the elements of a section, of which those that refer to copied ones are copied."""
         alone: list[Element] = []
         copied: list[Element] = []
-        for child in section.children:
+        for child in there:
             inside = [
                 value in names.get(kind, ())
                 for part in every(child)
@@ -110,17 +127,28 @@ class ReplicaWriter:
             ]
             if not any(inside):
                 alone.append(child)
-            elif section.tag == "equality" and not all(inside):
+            elif tag == "equality" and not all(inside):
                 self.lost.append(child)
             else:
                 copied.append(child)
-        if section.tag == "tendon":
+        if tag == "tendon":
             called = {child.attributes["name"] for child in copied if "name" in child.attributes}
             names["tendon"] = names.get("tendon", set()) | called
         more = [
             renamed(child, names, suffix, whole=True) for suffix in suffixes for child in copied
         ]
-        return replace(section, children=[*alone, *more])
+        return [*alone, *more]
+
+
+def suffixes_of(element: Element) -> list[str]:
+    """Return what stands behind the names in each copy of a <replicate>."""
+    count = element.number("count")
+    if count < 0 or count % 1:
+        raise element.refusal(f"count is {count:g}; give a whole number, zero or more")
+    if count > xml.MOST:
+        raise element.refusal(MANY)
+    digits, sep = len(str(int(count))), element.attributes.get("sep", "")
+    return [f"{sep}{i:0{digits}d}" for i in range(int(count))]
 
 
 def every(element: Element) -> Iterator[Element]:
