@@ -37,6 +37,33 @@ def test_mjcf_becomes_a_mechanism_file_and_what_is_left_out_is_said(tmp_path):
     assert f"{target} written" in result.stdout
 
 
+FAR = """<mujoco><worldbody>
+<body name="a"><joint name="j"/><geom size="0.1"/><site name="s" pos="1 0 0"/></body>
+<body name="b" pos="9 0 0"><joint name="k"/><geom size="0.1"/><site name="t" pos="1 0 0"/></body>
+</worldbody><equality><connect site1="s" site2="t"/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize("suffix", [".yaml", ".urdf"])
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ('<mujoco><worldbody><body name="a"/></worldbody></mujoco>', "has mobility 0"),
+        (FAR, "the loops do not close near the reference"),
+    ],
+)
+def test_a_file_of_which_no_robot_is_made_is_written_and_that_is_said(text, why, suffix, tmp_path):
+    source, target = tmp_path / "model.xml", tmp_path / f"again{suffix}"
+    source.write_text(text)
+    result = call(source, target)
+    assert result.exit_code == 0 and target.is_file()
+    assert f"linkwork: warning: {load(source).mechanism.name}: no robot is made of it" in (
+        result.stderr
+    )
+    assert why in result.stderr
+    target.unlink()
+    assert why in refused(source, target, "--strict") and not target.exists()
+
+
 def test_a_robot_of_the_catalogue_becomes_mjcf(tmp_path):
     target = tmp_path / "robot.xml"
     result = call("five_bar", target)

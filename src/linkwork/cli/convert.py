@@ -1,5 +1,6 @@
 """Model files turned into others."""
 
+import warnings
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,11 @@ from linkwork import formats
 from linkwork.cli.catalogue import about, named, refuse_existing
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience, show_json
-from linkwork.mechanism import Mechanism
+from linkwork.equations import derive
+from linkwork.errors import ModelWarning
+from linkwork.mechanism import Mechanism, MechanismError
+
+UNCLOSED = (".yaml", ".yml", ".urdf")  # formats that are written without closing the loops
 
 
 def convert(
@@ -27,6 +32,8 @@ def convert(
     with patience("reading the model"):
         imported = read(source)
     with patience("closing the loops"):
+        if target.suffix.lower() in UNCLOSED:
+            warn_of_none(imported.mechanism)
         written = formats.save(imported.mechanism, target, loops=loops)
     if as_json:
         found = {"notes": imported.notes, "left_out": written, "written": files}
@@ -40,6 +47,16 @@ def convert(
         for note in notes:
             out.print(f"- {note}", soft_wrap=True)
     out.print(f"{', '.join(map(str, files))} written", soft_wrap=True)
+
+
+def warn_of_none(mechanism: Mechanism) -> None:
+    """Warn of a mechanism of which no robot is made: its loops do not close, or nothing moves."""
+    try:
+        derive(mechanism)
+    except MechanismError as refusal:
+        warnings.warn(
+            f"{mechanism.name}: no robot is made of it: {refusal}", ModelWarning, stacklevel=2
+        )
 
 
 def read(source: Source) -> formats.Imported:
