@@ -89,6 +89,19 @@ gainprm="4" biastype="affine" biasprm="0 -4" ctrlrange="-1 1" inheritrange="0.1"
         "default": '<dcmotor motorconst="1" resistance="3"/>',
         "actuators": '<dcmotor joint="j" nominal="12 3 20"/>',
     },
+    "motors whose damping slows their nominal point": {
+        "actuators": '<dcmotor joint="j" nominal="12 3 20" damping="0.02"/>'
+        '<dcmotor joint="k" nominal="12 0 20" resistance="2" damping="0.02"/>',
+    },
+    "motors after a nominal point that a class's damping slows": {
+        "default": '<dcmotor nominal="12 3 20" damping="0.05"/>',
+        "actuators": '<dcmotor joint="j" damping="0.2"/><dcmotor joint="k" motorconst="0.4"/>',
+    },
+    "motors after the numbers of a general one": {
+        "default": '<general gaintype="dcmotor" gainprm="2 1 0 0 3 0 0.5" dynprm="0"/>',
+        "actuators": '<dcmotor joint="j" input="pos"/>'
+        '<dcmotor joint="k" nominal="12 3 20" controller="0 0 0"/>',
+    },
     "a muscle after the numbers of a general one": {
         "default": '<general gaintype="muscle" gainprm="0.7 1.1 5 200 0.4 1.7 1.4 1.2 1.3" \
 dynprm="0.1 0.2"/>',

@@ -48,6 +48,7 @@ INSTEAD = {"kv": "dampratio", "dampratio": "kv", "area": "diameter"}
 RANGES = {"position": "ctrlrange", "pid": "ctrlrange", "intvelocity": "actrange"}
 """The range that is given, or is that of the joint by inheritrange: the last word holds."""
 CONSTANTS = ("motorconst", "resistance", "nominal")  # of a dcmotor
+KINDS = {"damper": "affine", "muscle": "muscle", "dcmotor": "dcmotor"}
 FIXED = ("position", "intvelocity", "velocity", "cylinder")
 
 Attributes = Mapping[str, str]
@@ -79,16 +80,14 @@ def of_actuator(element: Element, states: Sequence[Attributes]) -> dict[str, str
         common.pop(RANGES.get(tag, ""), None)
     elif RANGES.get(tag) in own:
         law.pop("inheritrange", None)
-    # A class of motors gives K and R, whatever it says them by.
-    if tag == "dcmotor" and {*CONSTANTS} & {*own}:
-        constants = motor_constants(element.with_attributes(dict(law)))
-        if min(constants) > 0:
-            law = {key: value for key, value in law.items() if key not in CONSTANTS}
-            law |= dict(zip(CONSTANTS, map(repr, constants), strict=False))
     made = joined(common | law, own) | {PRESET: tag}
     # A muscle stays one whatever is said beside its law.
     if tag == GENERAL and known.get(PRESET) == "muscle" and not {*LAW} & {*own}:
         made[PRESET] = "muscle"
+    # What is said of a motor gives K and R at once, by the damping that is known then.
+    if tag == "dcmotor" and min(constants := motor_constants(element.with_attributes(made))) > 0:
+        made = {key: value for key, value in made.items() if key not in CONSTANTS}
+        made |= dict(zip(CONSTANTS, map(repr, constants), strict=False))
     return made | ({"ctrllimited": "true"} if tag == "damper" else {})
 
 
@@ -99,7 +98,7 @@ def _in_short(element: Element, known: Attributes) -> Attributes | None:
     if said == tag:
         return {key: known[key] for key in SHORT.get(tag, ()) if key in known}
     kind = known.get("gaintype", "fixed")
-    if said != GENERAL or kind != {"damper": "affine", "muscle": "muscle"}.get(tag, "fixed"):
+    if said != GENERAL or kind != KINDS.get(tag, "fixed"):
         return None
     # The numbers of <general>, zero where they are left out.
     law = element.with_attributes(dict(known))
@@ -126,10 +125,31 @@ def _in_short(element: Element, known: Attributes) -> Attributes | None:
             ranges = {"range": f"{low!r} {high!r}", "timeconst": f"{rise!r} {fall!r}"}
             words = dict(zip(OF_MUSCLES, map(repr, numbers), strict=True))
             return ranges | words | {"tausmooth": repr(smooth)}
+        case "dcmotor":
+            return _of_motors(law)
         case _:
             return None
     more = {key: known[key] for key in ("inheritrange",) if key in known and tag in FIXED[:2]}
     return {key: repr(value) for key, value in numbers.items()} | more
+
+
+def _of_motors(law: Element) -> Attributes:
+    """Return the words of a dcmotor for what a <general> of that kind says in numbers."""
+    R, K, alpha, T0, kp, ki, kd, highest = first(law, "gainprm", 8, (1.0,))
+    lag, change, *heat, ambient, sigma_0, sigma_1, slew, largest = first(law, "dynprm", 9, (1.0,))
+    bias = first(law, "biasprm", 6)
+    numbers = {
+        "motorconst": (K,),
+        "resistance": (R,),
+        "saturation": (0.0, 0.0, change),
+        "controller": (kp, ki, kd, slew, largest, highest),
+        "inductance": (0.0, lag),
+        "cogging": bias[:3],
+        "thermal": (*heat, 0.0, alpha, T0, ambient),
+        "lugre": (sigma_0, sigma_1, *bias[3:]),
+    }
+    said = {key: " ".join(map(repr, values)) for key, values in numbers.items() if any(values)}
+    return said | {key: law.attributes[key] for key in ("input",) if key in law.attributes}
 
 
 def _in_general(element: Element, known: Attributes) -> Attributes:
@@ -170,14 +190,24 @@ def area(element: Element) -> float:
 
 
 def motor_constants(element: Element) -> tuple[float, float]:
-    """Return K and R of a dcmotor, from its constants, or from the voltage, stall torque and
-    no-load speed of its nominal point, which say what is not given otherwise; zero where nothing
-    says it."""
+    """Return K and R of a dcmotor, from its constants, or from the voltage V, stall torque T and
+    no-load speed w of its nominal point, which say what is not given otherwise; zero where nothing
+    says it.
+
+    With the damping B the back-EMF constant K_e is that of  K_e^2 w - K_e V + R B w = 0  where R is
+    known, else V/w - V B/T; V/w where that gives none.
+    """
     of_torque, of_speed = first(element, "motorconst", 2)
     voltage, stall, speed = first(element, "nominal", 3)
-    resistance = element.number("resistance", 0.0)
-    given = of_torque, of_speed or (voltage / speed if speed else 0.0)
-    constants = [each for each in given if each > 0] or [0.0]
+    resistance, (damping,) = element.number("resistance", 0.0), first(element, "damping", 1)
+    if voltage > 0 and speed > 0 and of_speed <= 0:
+        of_speed, left = voltage / speed, voltage**2 - 4 * resistance * damping * speed**2
+        if damping > 0 and resistance > 0:
+            of_speed = (voltage + sqrt(left)) / (2 * speed) if left > 0 else of_speed
+        elif damping > 0 and stall > 0:
+            slowed = voltage * damping / stall
+            of_speed -= slowed if of_speed > slowed else 0.0
+    constants = [each for each in (of_torque, of_speed) if each > 0] or [0.0]
     K = sqrt(constants[0] * constants[-1])
     return K, resistance or (K * voltage / stall if stall else 0.0)
 
