@@ -384,6 +384,7 @@ def test_what_is_left_out_is_named_with_its_line(tail, tmp_path):
             "has a damping that is not linear; its higher powers are left out",
         ),
         ('<joint frictionloss="0.3"/>', "has dry friction, which is smoothed here"),
+        ('<joint type="ball" frictionloss="0.3"/>', "it is against the turn as a whole"),
         (
             '<joint springyield="1 1"/>',
             "says springyield, which is left out: springs do not yield",

@@ -29,7 +29,7 @@ from linkwork.formats.mjcf.replicas import every
 from linkwork.formats.mjcf.spring_dampers import with_spring_dampers
 from linkwork.formats.mjcf.survey import MAKERS, SOFT, UNMADE, survey
 from linkwork.formats.mjcf.tendons import TendonReader, Tendons
-from linkwork.formats.mjcf.tree import COORDINATES, NEAR, ModelTree, read_tree
+from linkwork.formats.mjcf.tree import COORDINATES, NEAR, TURNING, ModelTree, read_tree
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.reading import Reading
@@ -51,7 +51,6 @@ from linkwork.solids.solid import together
 EARTH = (0.0, 0.0, -9.81)
 HOME = "home"
 QUATERNION = (".qw", ".qx", ".qy", ".qz")
-TURNING = ("ball", "free")  # joints whose coordinates end with a quaternion
 
 
 def read_mjcf(root: Element, notes: Notes, reading: Reading) -> Mechanism:

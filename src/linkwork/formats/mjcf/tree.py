@@ -36,6 +36,8 @@ UNLIMITED = 1e10  # beyond this a limit stands for none [m, rad]
 
 Kind = Literal["hinge", "slide", "ball", "free"]
 COORDINATES = {"hinge": 1, "slide": 1, "ball": 4, "free": 7}
+TURNING = ("ball", "free")  # joints whose coordinates end with a quaternion
+WHOLE = "; it is against the turn as a whole, where MuJoCo has it about each axis by itself"
 FREEDOMS = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
 
 
@@ -356,12 +358,11 @@ class TreeReader:
             Friction, viscous=damping, coulomb=element.number("frictionloss", 0.0)
         )
         if friction.coulomb:
-            self.notes.on(
-                element,
+            remark = (
                 "has dry friction, which is smoothed here: frictionloss is the Coulomb force, "
-                f"reached at rates well above {friction.coulomb_rate:g} rad/s or m/s",
-                alters=True,
+                f"reached at rates well above {friction.coulomb_rate:g} rad/s or m/s"
             )
+            self.notes.on(element, remark + (WHOLE if kind in TURNING else ""), alters=True)
         return Piece(
             kind,
             element,
