@@ -14,8 +14,6 @@ from linkwork.equations import derive
 from linkwork.errors import ModelWarning
 from linkwork.mechanism import Mechanism, MechanismError
 
-UNCLOSED = (".yaml", ".yml", ".urdf")  # formats that are written without closing the loops
-
 
 def convert(
     source: Source,
@@ -32,7 +30,7 @@ def convert(
     with patience("reading the model"):
         imported = read(source)
     with patience("closing the loops"):
-        if target.suffix.lower() in UNCLOSED:
+        if target.suffix.lower() in formats.OPEN:
             warn_of_none(imported.mechanism)
         written = formats.save(imported.mechanism, target, loops=loops)
     if as_json:

@@ -4,6 +4,6 @@ imported = load("robot.xml")        Imported(mechanism, notes)
 notes = save(imported.mechanism, "robot.yaml")
 """
 
-from linkwork.formats.models import FORMATS, MODELS, NATIVE, READ, Imported, load, save
+from linkwork.formats.models import FORMATS, MODELS, NATIVE, OPEN, READ, Imported, load, save
 
-__all__ = ["FORMATS", "MODELS", "NATIVE", "READ", "Imported", "load", "save"]
+__all__ = ["FORMATS", "MODELS", "NATIVE", "OPEN", "READ", "Imported", "load", "save"]

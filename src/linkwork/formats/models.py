@@ -29,12 +29,15 @@ class Format:
         suffixes: of its files.
         root: its root element, by which it is known.
         module: the module that has `read(root, notes, reading)` and `write(mechanism, path)`.
+        closed: whether it is written at home, where loops are closed, so that what has no home is
+            refused.
     """
 
     name: str
     suffixes: tuple[str, ...]
     root: str
     module: str
+    closed: bool = True
 
     def opened(self) -> ModuleType:
         """Import and return the module."""
@@ -43,11 +46,12 @@ class Format:
 
 FORMATS = (
     Format("MJCF", (".xml", ".mjcf"), "mujoco", "linkwork.formats.mjcf"),
-    Format("URDF", (".urdf",), "robot", "linkwork.formats.urdf"),
+    Format("URDF", (".urdf",), "robot", "linkwork.formats.urdf", closed=False),
     Format("SDF", (".sdf", ".world"), "sdf", "linkwork.formats.sdf"),
 )
 MODELS = tuple(suffix for form in FORMATS for suffix in form.suffixes)
 READ = (*NATIVE, *MODELS)
+OPEN = (*NATIVE, *(s for form in FORMATS if not form.closed for s in form.suffixes))
 MACROS = ".xacro"
 
 
