@@ -19,7 +19,7 @@ from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.inertia import along, inertia, mobility
 from linkwork.formats.mjcf.loops import LoopReader
 from linkwork.formats.mjcf.reflected import Added, Reflected, with_reflected
-from linkwork.formats.mjcf.tree import ModelBody, ModelTree, Piece
+from linkwork.formats.mjcf.tree import LOOSE, ModelBody, ModelTree, Piece
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import GROUND, Cable
@@ -48,6 +48,8 @@ def with_spring_dampers(
         pieces = []
         for piece in node.pieces:
             if _wanted(piece):
+                if piece.kind == "free" and "spring" not in document.off:
+                    notes.on(piece.element, LOOSE, alters=True)
                 freed = [mobility(M, units[k]) for k in places[number]]
                 mass = float(1 / np.mean(freed))
                 pieces.append(_sprung(document, piece, simple.get(name, mass)))

@@ -37,6 +37,7 @@ UNLIMITED = 1e10  # beyond this a limit stands for none [m, rad]
 Kind = Literal["hinge", "slide", "ball", "free"]
 COORDINATES = {"hinge": 1, "slide": 1, "ball": 4, "free": 7}
 TURNING = ("ball", "free")  # joints whose coordinates end with a quaternion
+LOOSE = "has a spring, which is left out: a free joint's pose has no place to be pulled to"
 WHOLE = "; it is against the turn as a whole, where MuJoCo has it about each axis by itself"
 FREEDOMS = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
 
@@ -348,10 +349,7 @@ class TreeReader:
         stiffness, damping = (self.linear(element, name) for name in ("stiffness", "damping"))
         spring = Spring()
         if kind == "free" and stiffness:
-            remark = (
-                "has a spring, which is left out: a free joint's pose has no place to be pulled to"
-            )
-            self.notes.on(element, remark, alters=True)
+            self.notes.on(element, LOOSE, alters=True)
         elif stiffness:
             spring = element.make(Spring, stiffness=stiffness, rest=springref)
         friction = element.make(
