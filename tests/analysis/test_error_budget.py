@@ -46,6 +46,20 @@ def test_an_arm_of_two_links():
     assert sum(each.share for each in found.contributions) == pytest.approx(1)
 
 
+def test_what_leads_a_planar_robot_out_of_its_plane_counts_nowhere():
+    """A single source's worst case is sqrt(3) of its deviation, as that of a number in -s .. s."""
+    robot = arm(1.0, 0.6)
+    elbow = next(name for name in robot.joints if name != robot.actuators[0])
+    paths = {f"joints.{elbow}.frames.0.position.{axis}": 1e-4 for axis in "xyz"}
+    told = error_budget(robot, robot.state([[0.3, 0.9]]), paths)
+    for name, worst in zip(paths, (1e-4, 1e-4, 0.0), strict=True):
+        alone = error_budget(robot, robot.state([[0.3, 0.9]]), {name: 1e-4})
+        assert alone.worst[0] == pytest.approx(worst, rel=1e-9)
+        assert alone.deviation[0] == pytest.approx(worst / np.sqrt(3), rel=1e-9)
+    assert [each.worst for each in told.contributions] == pytest.approx([1e-4, 1e-4, 0.0])
+    assert told.bounds[0, 5] == 0
+
+
 def test_all_rods_of_a_delta_too_long():
     """Over its middle the platform sinks by rod / h of what all rods are too long, h the height of
     the elbows over it; what the motors measure is a step of their arms."""

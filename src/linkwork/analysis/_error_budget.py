@@ -39,6 +39,7 @@ PLANE, SPHERE = 180, 2000  # directions over half the circle, and over half the 
 BEST, ASCENTS = 8, 100
 SETTLED = 1e-14  # growth of the largest error that ends the ascent, over it
 SHOWN = 12  # sources in a repr
+OUT_OF_PLANE = [0, 1, 5]  # rows of [rotation; translation]
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,8 @@ class ErrorBudget:
     name: of the robot; planar: whether it moves in a plane; tool: positions (..., 3) [m]
     sources: what is inexact
     sensitivities: per source, the tool's [rotation; translation] in the ground's axes per number of
-        the source (..., 6, d) [rad, m over its unit]
+        the source (..., 6, d) [rad, m over its unit]; of a planar robot in the plane, zero out of
+        it
     turns: whether the tool is led in its orientation alone, by which sources are ranked then
     """
 
@@ -232,6 +234,8 @@ def error_budget(
     freed = robot.free(*(path for path in free.values() if path not in robot.parameters))
     q = freed.state(robot.own(states).positions).q
     per_number, per_actuator = ToolErrors(freed)(q.reshape(-1, q.shape[-1]))
+    if robot.planar:  # errors are those in the plane
+        per_number[:, OUT_OF_PLANE] = per_actuator[:, OUT_OF_PLANE] = 0.0
     # Columns of each source.
     numbers, found = tuple(freed.parameters), []
     for source in sources:
