@@ -64,6 +64,13 @@ def test_six_joints_with_a_spherical_wrist_have_thirty_six():
     assert len(base_parameters(built("puma560"))) == 36
 
 
+@pytest.mark.parametrize("seed", [3, 19])
+def test_a_platform_that_only_translates_has_its_mass_alone(seed):
+    """Seeds with motions near poses where the loops let it turn."""
+    base = base_parameters(built("linear_delta"), seed=seed)
+    assert base.names == (*(f"carriage_{k}.mass" for k in (1, 2, 3)), "platform.mass")
+
+
 def energies(robot, states):
     """Return the energies (N, 10 bodies) that each mass, first moment and moment of inertia of 1
     has, from twists and poses of the bodies."""

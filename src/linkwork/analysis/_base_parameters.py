@@ -36,7 +36,7 @@ SPREAD = 0.3
 ROUNDS = 30
 HALVINGS = 20  # of the spread, where loops do not close from it
 STEPS = 20  # in which the reference is led to a configuration
-LEAP, NEAR = 0.25, 1e-3  # in the mechanism's own units: too long a step, and where it has come to
+LEAP, NEAR = 0.25, 1e-6  # in the mechanism's own units: too long a step, and where it has come to
 TURN = 2 * np.pi
 SHOWN, WIDE = 12, 76  # lines, and characters of a line, in a repr
 
@@ -142,6 +142,10 @@ def base_parameters(
     """Find the combinations of parameters that motions can tell: by the rank of Y on random
     motions.
 
+    What forces tell by less than 1e-8 of their size counts as not told. Of a mechanism of a single
+    freedom that many bodies share the last ones are so small that the seed
+    decides on one or two of them.
+
     Args:
         robot: whose motions tell them.
         effects: as in `regressor_of`.
@@ -218,10 +222,17 @@ def random_configurations(robot: Robot, samples: int, random: np.random.Generato
     open_ = np.arange(samples)
     for _ in range(HALVINGS):
         tried, good, *_ = closed(step, unit(tree, q + away)[open_], (), ROUNDS, contracting=False)
+        good[good] = firm(robot, tried[good])
         good[good] = led_from_home(robot, tried[good])
         q[open_[good]], open_ = tried[good], open_[~good]
         away /= 2
     return q
+
+
+def firm(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Tell at which configurations (N, nq) loops are far from letting go of a freedom: nearer, gaps
+    that rounding leaves are motions that no loop allows, and branches are hard to tell apart."""
+    return ~robot.equations.lost(robot.chart.constraint_jacobian(q))
 
 
 def led_from_home(robot: Robot, q: np.ndarray) -> np.ndarray:
