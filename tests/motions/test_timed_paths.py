@@ -327,6 +327,25 @@ def test_points_led_on_as_rotation_vectors_lead_no_other_angles():
             call()
 
 
+@pytest.mark.parametrize("samples", [2, 201])
+def test_joints_led_beyond_a_fold_do_not_leap_to_another_assembly_mode(samples):
+    """The motors of a 3-RRS go on beyond where they determine its platform: led in small steps it
+    falls by a fifth of a metre in one of them."""
+    robot = built("rrs3")
+    ends = [[0.86745736] * 3, [0.27198472, 0.18059837, 1.64544324]]
+    around = [dict(zip(robot.actuators, values, strict=True)) for values in ends]
+    timed = motions.point_to_point(*around, motions.AxisLimits(speed=1.0), law="quintic")
+    times, state, heights = np.arange(0.5, 0.65, 1e-3), robot.home, []
+    for values in timed.sample(times)[0]:
+        state = robot.assemble(dict(zip(robot.actuators, values, strict=True)), guess=state)
+        heights.append(robot.tool_pose(state)[2])
+    k = int(np.argmax(np.abs(np.diff(heights))))
+    assert heights[k] - heights[k + 1] > 0.17 > 20 * np.abs(np.diff(heights[:k])).max()
+    with pytest.raises(LinkworkError, match="would leap to another assembly mode") as told:
+        motions.follow(robot, timed, samples=samples)
+    assert times[k] < float(str(told.value).split()[3].rstrip("s")) < times[k + 1] + 1e-4
+
+
 def test_other_joints_take_their_turns_between_samples_far_apart():
     crank = lw.Robot("four_bar")
     start = float(crank.home["crank_pivot"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from linkwork.model import limits
 from linkwork.model.state import Motion, State, with_positions
 from linkwork.model.task import asked_of
 from linkwork.motions._flat import flat_along, leads_links
+from linkwork.motions.leaps import require_no_leap
 from linkwork.motions.timed_paths import TimedPath, sample_count
 from linkwork.robot import Robot
 
@@ -56,8 +58,8 @@ def follow(
     Raises:
         UnreachableError: a point out of reach, by its number, or the time and the points between
             which the path leaves the workspace.
-        LinkworkError: joints that do not determine the motion; one that leaves its range, or is too
-            fast.
+        LinkworkError: joints that do not determine the motion, or go on beyond where they do, to
+            another assembly mode; one that leaves its range, or is too fast.
     """
     if not isinstance(timed, TimedPath):
         raise LinkworkError(
@@ -160,10 +162,15 @@ def placed(
 
 def of_joints(robot: Robot, timed: TimedPath, samples: int, guess: State | None) -> Motion:
     """Return the motion that joint coordinates over time determine."""
-    time = np.linspace(0, timed.duration, samples)
+    motion = sampled(robot, timed, np.linspace(0, timed.duration, samples), guess)
+    require_no_leap(robot, motion, timed.names, partial(sampled, robot, timed))
+    return motion
+
+
+def sampled(robot: Robot, timed: TimedPath, time: np.ndarray, guess: State | None) -> Motion:
+    """Return the motion at some times, each state led to from the one before."""
     values, rates, accelerations = (checks.finite(part, "the path") for part in timed.sample(time))
-    # Each state from the one before, so that all lie on one branch; in strides where samples are
-    # so far apart that other joints may have taken a turn.
+    # In strides where samples are so far apart that other joints may have taken a turn.
     angles = [robot.unit(name) == "rad" for name in timed.names]
     turned = np.abs(np.diff(values[:, angles], axis=0)).max(axis=1, initial=0.0)
     strides = [0, *np.floor(turned / STRIDE).astype(int)]
@@ -184,7 +191,7 @@ def of_joints(robot: Robot, timed: TimedPath, samples: int, guess: State | None)
     made = still.with_rates(v)
     bias = robot.joint_accelerations(made, np.zeros(robot.mobility))[:, rows]
     v_dot = (inverse @ (accelerations - bias)[..., None])[..., 0]
-    tool = robot.tool_pose(made) if robot.mechanism.tools else np.zeros((samples, 0))
+    tool = robot.tool_pose(made) if robot.mechanism.tools else np.zeros((time.size, 0))
     return Motion(
         time, made, v_dot, robot.joint_rates(made), robot.joint_accelerations(made, v_dot), tool
     )
