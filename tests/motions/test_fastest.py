@@ -147,6 +147,9 @@ WAYS = {
     "circle": paths.together(paths.circle([0.48, 0.3], 0.04), paths.swing(1.2, 0.2)),
     "spline": motions.through([[0.48, 0.3, 1.2], [0.5, 0.31, 1.3], [0.48, 0.29, 1.1]], ANY),
 }
+CORNERED = motions.through(
+    [[-0.09, 0.24, -0.87], [0.14, 0.18, -0.86], [-0.03, -0.06, -0.9], [-0.01, -0.13, -0.88]], ANY
+)  # whose forces have corners at its points, by 3.5 parts in 1,000 beyond what the grid sees
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -211,6 +214,7 @@ def test_limits_hold_along_the_whole_motion_and_one_of_them_is_reached():
         ("prr3", paths.circle([0.5, 0.288], 0.05, np.pi / 6), {"force": 20.0, "speed": 1.0}),
         ("prr3", WAYS["circle"], {"force": 5.0, "speed": 0.5, "power": 1.0}),
         ("delta", paths.line([-0.3, -0.1, -0.9], [0.3, 0.2, -0.8]), {"force": 40.0}),
+        ("delta", CORNERED, {"force": 40.0}),
     ],
 )
 def test_no_limit_is_passed_between_the_points_of_the_grid(name, path, limits):

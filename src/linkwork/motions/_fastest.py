@@ -15,7 +15,7 @@ each step keeps it (convex-concave procedure).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -169,18 +169,21 @@ def fastest(
         motion = follow(robot, shape, samples=samples, guess=guess, keep_limits=False)
     way = DrivenWay(robot, motion)
     refuse_leap(way.rates, motion.time, float(np.abs(way.rates).max()), CORNER)
-    x = verified(way, own)
+    x = verified(way, own, timed.path.knots)
     law = law_of_squares(motion.time[::BETWEEN], x[::BETWEEN])
-    return TimedPath(Path(timed.path.curve, law.law), law.duration, timed.names)
+    return TimedPath(replace(timed.path, law=law.law), law.duration, timed.names)
 
 
-def verified(way: DrivenWay, limits: Mapping[str, np.ndarray]) -> np.ndarray:
+def verified(
+    way: DrivenWay, limits: Mapping[str, np.ndarray], knots: tuple[float, ...]
+) -> np.ndarray:
     """Return x (samples,) of the fastest law of the grid, linear between its points, that keeps the
-    limits between them, too."""
+    limits between them, too; knots: of the path."""
     spare, x = np.zeros(len(way.motion.time)), None
     for _ in range(ROUNDS):
         x = settled(way, limits, spare, x)
-        beyond = passed(way.constraints(limits, x), x)
+        rows = way.constraints(limits, x)
+        beyond = np.maximum(passed(rows, x), passed_at(rows, x, knots))
         if not (beyond > PASSED).any():
             return x
         # Both ends of an interval are tightened by what is passed within, all by a little.
@@ -203,6 +206,33 @@ def passed(rows: Constraints, x: np.ndarray) -> np.ndarray:
     inside = starts[:, None] + np.arange(BETWEEN + 1)
     left_over = rows.a[inside] * bend[:, None, None] + rows.b[inside] * x[inside][..., None]
     return (left_over - rows.c[inside]).max(axis=(1, 2))
+
+
+def passed_at(rows: Constraints, x: np.ndarray, knots: tuple[float, ...]) -> np.ndarray:
+    """Return how far limits are passed at the knots of the path in each interval of the grid
+    (points - 1,), over the limits; -inf where there is none.
+
+    There the third derivative leaps, and forces have corners, higher by the first power of the
+    grid's width than at the verified points beside them: they are told by the lower one of the
+    lines through two of these before, and through two behind.
+    """
+    beyond, last = np.full(len(x) // BETWEEN, -np.inf), len(x) - 1
+    for knot in knots:
+        k, part = divmod(knot * last, 1.0)
+        first = int(k) // BETWEEN * BETWEEN
+        if not 1 <= k < last - 1:
+            continue
+        # The interval's own s'' and x, gone on with beside it.
+        beside = int(k) + np.arange(-1, 3)
+        slope = (x[first + BETWEEN] - x[first]) / (rows.s[first + BETWEEN] - rows.s[first])
+        own = x[first] + slope * (rows.s[beside] - rows.s[first])
+        a, b, c = (each[beside] for each in (rows.a, rows.b, rows.c))
+        over = a * (slope / 2) + b * own[:, None] - c
+        before, behind = over[1] + part * (over[1] - over[0]), over[2]
+        behind = behind + (1 - part) * (over[2] - over[3])
+        place = first // BETWEEN
+        beyond[place] = max(beyond[place], float(np.minimum(before, behind).max()))
+    return beyond
 
 
 def settled(
