@@ -351,6 +351,30 @@ def test_two_legs_of_a_delta_turned_over_are_another_working_mode():
     assert mapped.z.values[mapped.reachable.any(["x", "y"]).values].max() > 0.3
 
 
+def test_poses_across_cells_lead_where_no_neighbour_does():
+    """All legs reach, on the branch of home, and the normals of their parallelograms keep their
+    orientation: else the platform may turn."""
+    base, platform, arm, rod, height = 0.24, 0.058, 0.236, 0.662, 0.795
+    robot = lw.Robot(lw.robots.delta(base, platform, arm, rod, 0.19, height))
+    axis, z = np.linspace(-0.8, 0.8, 11), np.linspace(-1.1, -0.2, 10)
+    mapped = workspace(robot, {"x": axis, "y": axis, "z": z})
+    poses = np.stack(np.meshgrid(axis, axis, z, indexing="ij"), axis=-1).reshape(-1, 3)
+    poses = np.concatenate([[[0.0, 0.0, -height]], poses])
+    both, normals = delta_legs(robot, poses, (base, platform), arm, rod), []
+    side = np.argmin(np.abs(np.sin((both[0, 0] - robot.home["motor_1"]) / 2)))
+    for i, angle in enumerate(both[..., side].T):
+        e = np.array(robot.mechanism.joints[f"motor_{i + 1}"].frames[0].position)
+        e = e / np.linalg.norm(e)
+        elbow = np.outer(base + arm * np.cos(angle), e) - np.outer(arm * np.sin(angle), [0, 0, 1])
+        links = poses + platform * e - elbow
+        np.testing.assert_allclose(np.linalg.norm(links[np.isfinite(angle)], axis=1), rod)
+        normals.append(np.cross(links, np.cross([0, 0, 1], e)) / rod)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        held = np.linalg.det(np.stack(normals, axis=1))
+        expected = held[1:] / held[0] > 0
+    np.testing.assert_array_equal(mapped.reachable.values.ravel(), expected)
+
+
 def test_a_robot_keeps_its_jacobians_and_another_design_has_its_own():
     reach = "tools.mass.frame.position.x"
     robot = arm(1.0, 0.6).free(reach)

@@ -7,9 +7,9 @@ the working mode: where the determinants of the inverse problem's stages have th
 have at the guess (`square`). So the boundary is drawn by the determinants, not by where Newton's
 method happens to end. Legs that are coupled make one stage, whose sign does not tell all branches
 (an arm's elbow and shoulder both turned over): there the poses count that straight ways from the
-guess and from neighbour to neighbour lead to (`grid_branches`). Where rows of the loops depend on
-each other one that is kept may vanish in vain: ways are led and determinants told by all rows then
-(`all_rows`).
+guess and from neighbour to neighbour, across cells, too, lead to (`grid_branches`). Where rows of
+the loops depend on each other one that is kept may vanish in vain: ways are led and determinants
+told by all rows then (`all_rows`).
 
     conditioning        1 / cond K, between lengths over time (`jacobians`): 0 singular, 1 isotropic
     isotropic velocity  min_i rate_i / |row i of K|      what the tool reaches in every direction,
@@ -28,7 +28,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from math import prod
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,6 +62,7 @@ FAR, NEAR = 12, 10  # Newton steps from the guess, and from a neighbour
 STARTS, ITERATIONS = 4096, 40  # random configurations, and Newton's steps from each
 LONE = 256  # poses that no neighbour leads to, of which it is tried whether others do
 SINGULAR = 1e-9
+FEW = 3  # axes of a grid up to which more poses near one are asked to lead to it
 COARSE = 0.2  # part of the way to a neighbour, of steps that are tried before any shorter ones
 Step = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Solve poses (N, n) from configurations (N, nq) at others (N, n): configurations, and whether they
@@ -193,7 +193,9 @@ def reach(
         # Other neighbours, or straight ways from the start, may lead where the first one does not.
         lone = some_of(~good)
         q[lone], good[lone] = branch.begun(start, poses.values[lone], lone.size)
-        spread(poses, q, good, branch.walked_where_met, good, every=True)
+        axes = len(poses.shape)
+        spread(poses, q, good, branch.walked_where_met, good, beside(axes)[::-1])
+        spread(poses, q, good, branch.walked_farther, good, np.vstack([beside(axes), aside(axes)]))
     elif by_all:
         # A row that is kept may vanish in vain: the tool is led by all rows.
         begin, here = (
@@ -250,20 +252,22 @@ def spread(
     good: np.ndarray,
     step: Step,
     begin: np.ndarray,
-    every: bool = False,
+    steps: np.ndarray | None = None,
 ) -> None:
     """Solve, wave by wave, the poses beside those that are solved; q, good: written to.
 
     Args:
         begin: where from, of what is solved.
-        every: go on from one neighbour after the other where the first does not lead there.
+        steps: to neighbours, of which one after the other is gone on from where the first does not
+            lead there; from one of those beside each if left out.
     """
+    to = beside(len(poses.shape)) if steps is None else steps
     fresh = np.zeros(good.size, bool)
     fresh[begin] = good[begin]
     while fresh.any():
-        pairs = neighbours(poses.shape, fresh, ~good)
+        pairs = neighbours(poses.shape, fresh, ~good, to)
         fresh = np.zeros(good.size, bool)
-        for targets, sources in pairs[::-1] if every else [one_of(pairs, good.size)]:
+        for targets, sources in [one_of(pairs, good.size)] if steps is None else pairs:
             left = ~good[targets]
             targets, sources = targets[left], sources[left]
             if targets.size:
@@ -273,19 +277,41 @@ def spread(
 
 
 def neighbours(
-    shape: tuple[int, ...], sources: np.ndarray, targets: np.ndarray
+    shape: tuple[int, ...], sources: np.ndarray, targets: np.ndarray, steps: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the targets that have a source beside them on the grid, and that source (indices),
-    side by side."""
+    """Return the targets that have a source some steps (K, axes) from them on the grid, and that
+    source (indices), step by step."""
     some, found = np.flatnonzero(sources), []
-    for axis, size in enumerate(shape):
-        stride = prod(shape[axis + 1 :])
-        place = some // stride % size
-        for side in (1, -1):
-            inside = some[(place + side >= 0) & (place + side < size)]
-            inside = inside[targets[inside + side * stride]]
-            found.append((inside + side * stride, inside))
+    if not shape:
+        return found
+    places = np.array(np.unravel_index(some, shape))
+    for step in steps:
+        there = places + step[:, None]
+        inside = ((there >= 0) & (there < np.array(shape)[:, None])).all(axis=0)
+        reached, begun = np.ravel_multi_index(tuple(there[:, inside]), shape), some[inside]
+        kept = targets[reached]
+        found.append((reached[kept], begun[kept]))
     return found
+
+
+def beside(axes: int) -> np.ndarray:
+    """Return the steps (2 axes, axes) to the poses beside one on a grid."""
+    ahead = np.eye(axes, dtype=int)
+    return np.stack([ahead, -ahead], axis=1).reshape(2 * axes, axes)
+
+
+def aside(axes: int) -> np.ndarray:
+    """Return the steps (K, axes) to further poses near one on a grid, the nearest first: by two in
+    all, or three over few axes."""
+    most = 3 if axes <= FEW else 2
+    found = {(0,) * axes}
+    for _ in range(most):
+        found |= {tuple((np.array(step) + to).tolist()) for step in found for to in beside(axes)}
+    kept = sorted(
+        (step for step in found if np.abs(step).sum() > 1),
+        key=lambda step: (np.square(step).sum(), step),
+    )
+    return np.array(kept, int).reshape(len(kept), axes)
 
 
 def one_of(pairs: list[tuple[np.ndarray, np.ndarray]], count: int) -> tuple[np.ndarray, np.ndarray]:

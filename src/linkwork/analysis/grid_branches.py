@@ -39,6 +39,7 @@ from linkwork.robot import Robot
 LEG = 3  # most rates of a stage of one leg, in the plane, too
 TIGHT, FLOOR = 0.25, 1e-7  # part of a step, and own units, by which the rule may be off
 LONGEST = 0.3  # step, in own units
+SHORTER = 0.25  # part of a way across cells that is the longest step
 ROUNDS, FINEST = 60, 1 / 256  # steps of a way, tried ones too, and the part of it that is shortest
 MEET = 0.01  # part of a determinant where a way begins that is none: branches meet
 STEPS = 6  # of Newton's method from where the rates lead
@@ -159,13 +160,19 @@ class GridBranch:
         return q, good
 
     def walked(
-        self, q: np.ndarray, begin: np.ndarray, end: np.ndarray, finest: float = FINEST
+        self,
+        q: np.ndarray,
+        begin: np.ndarray,
+        end: np.ndarray,
+        finest: float = FINEST,
+        longest: float = 1.0,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return configurations (N, nq) to which straight ways (N, n) lead from others on their
-        arcs, and which of them to their ends (N); finest: part of a way that is the shortest step.
-        """
+        arcs, and which of them to their ends (N); finest, longest: parts of a way that are the
+        shortest and the longest step."""
         ways, q, units = Ways.between(self.asked, begin, end), q.copy(), self.tree.units
-        part, length, going = np.zeros(len(q)), np.ones(len(q)), np.arange(len(q))
+        part, going = np.zeros(len(q)), np.arange(len(q))
+        length = np.full(len(q), longest)
         rates, determinants = self.moving(q, ways.shift)
         least = MEET * np.abs(determinants)
         for _ in range(ROUNDS):
@@ -185,18 +192,30 @@ class GridBranch:
             good &= (np.abs(determinants) > least[going]).all(axis=1)
             on = going[good]
             q[on], rates[on], part[on] = reached[good], after[good], aim[good]
-            length[going] = step[:, 0] * np.where(good, 4.0, 0.25)
+            length[going] = np.minimum(longest, step[:, 0] * np.where(good, 4.0, 0.25))
             going = going[(part[going] < 1) & (length[going] > finest)]
         return q, part == 1
 
     def walked_where_met(
-        self, q: np.ndarray, begin: np.ndarray, end: np.ndarray
+        self, q: np.ndarray, begin: np.ndarray, end: np.ndarray, longest: float = 1.0
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return what `walked` does, of those ways alone from whose beginnings Newton's method
         leads to a solution of the mode at their ends: most of the others leave what is reached."""
         q, (_, good) = q.copy(), self.solve(q, q, end, DIRECT)
         some = np.flatnonzero(good)
-        q[some], good[some] = self.walked(q[some], begin[some], end[some])
+        q[some], good[some] = self.walked(q[some], begin[some], end[some], longest=longest)
+        return q, good
+
+    def walked_farther(
+        self, q: np.ndarray, begin: np.ndarray, end: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return what `walked_where_met` does, of longer ways in steps that are not; not where a
+        further step of Newton's method still moves what it ended in: there branches meet."""
+        q, good = self.walked_where_met(q, begin, end, SHORTER)
+        some = np.flatnonzero(good)
+        again, good[some] = self.solve(q[some], q[some], end[some], STEPS)
+        moved = np.abs((again - q[some]) / self.tree.units).max(axis=1, initial=0.0)
+        good[some] &= moved <= FLOOR
         return q, good
 
 
