@@ -35,7 +35,8 @@ from numpy.typing import ArrayLike
 
 from linkwork.analysis._jacobians import Jacobians, jacobians
 from linkwork.analysis.all_rows import all_rows
-from linkwork.analysis.grid_branches import GridBranch, actuated, led, tells_all
+from linkwork.analysis.grid_branches import DIRECT, GridBranch, actuated, led, tells_all
+from linkwork.analysis.grid_steps import aside, beside, neighbours, one_of
 from linkwork.analysis.newton import (
     CHUNK,
     Solver,
@@ -62,7 +63,6 @@ FAR, NEAR = 12, 10  # Newton steps from the guess, and from a neighbour
 STARTS, ITERATIONS = 4096, 40  # random configurations, and Newton's steps from each
 LONE = 256  # poses that no neighbour leads to, of which it is tried whether others do
 SINGULAR = 1e-9
-FEW = 3  # axes of a grid up to which more poses near one are asked to lead to it
 COARSE = 0.2  # part of the way to a neighbour, of steps that are tried before any shorter ones
 Step = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Solve poses (N, n) from configurations (N, nq) at others (N, n): configurations, and whether they
@@ -195,7 +195,8 @@ def reach(
         q[lone], good[lone] = branch.begun(start, poses.values[lone], lone.size)
         axes = len(poses.shape)
         spread(poses, q, good, branch.walked_where_met, good, beside(axes)[::-1])
-        spread(poses, q, good, branch.walked_farther, good, np.vstack([beside(axes), aside(axes)]))
+        to = np.vstack([beside(axes), aside(axes)])
+        spread(poses, q, good, branch.walked_farther, good, to, hopeful(poses, q, good, branch, to))
     elif by_all:
         # A row that is kept may vanish in vain: the tool is led by all rows.
         begin, here = (
@@ -253,6 +254,7 @@ def spread(
     step: Step,
     begin: np.ndarray,
     steps: np.ndarray | None = None,
+    hopeful: np.ndarray | None = None,
 ) -> None:
     """Solve, wave by wave, the poses beside those that are solved; q, good: written to.
 
@@ -260,67 +262,34 @@ def spread(
         begin: where from, of what is solved.
         steps: to neighbours, of which one after the other is gone on from where the first does not
             lead there; from one of those beside each if left out.
+        hopeful: which poses are tried (N), all if left out.
     """
     to = beside(len(poses.shape)) if steps is None else steps
     fresh = np.zeros(good.size, bool)
     fresh[begin] = good[begin]
     while fresh.any():
-        pairs = neighbours(poses.shape, fresh, ~good, to)
+        tried = ~good if hopeful is None else ~good & hopeful
+        pairs = neighbours(poses.shape, fresh, tried, to)
         fresh = np.zeros(good.size, bool)
         for targets, sources in [one_of(pairs, good.size)] if steps is None else pairs:
             left = ~good[targets]
             targets, sources = targets[left], sources[left]
             if targets.size:
-                tried, solved = step(q[sources], poses.values[sources], poses.values[targets])
-                q[targets[solved]] = tried[solved]
+                found, solved = step(q[sources], poses.values[sources], poses.values[targets])
+                q[targets[solved]] = found[solved]
                 fresh[targets[solved]] = good[targets[solved]] = True
 
 
-def neighbours(
-    shape: tuple[int, ...], sources: np.ndarray, targets: np.ndarray, steps: np.ndarray
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the targets that have a source some steps (K, axes) from them on the grid, and that
-    source (indices), step by step."""
-    some, found = np.flatnonzero(sources), []
-    if not shape:
-        return found
-    places = np.array(np.unravel_index(some, shape))
-    for step in steps:
-        there = places + step[:, None]
-        inside = ((there >= 0) & (there < np.array(shape)[:, None])).all(axis=0)
-        reached, begun = np.ravel_multi_index(tuple(there[:, inside]), shape), some[inside]
-        kept = targets[reached]
-        found.append((reached[kept], begun[kept]))
-    return found
-
-
-def beside(axes: int) -> np.ndarray:
-    """Return the steps (2 axes, axes) to the poses beside one on a grid."""
-    ahead = np.eye(axes, dtype=int)
-    return np.stack([ahead, -ahead], axis=1).reshape(2 * axes, axes)
-
-
-def aside(axes: int) -> np.ndarray:
-    """Return the steps (K, axes) to further poses near one on a grid, the nearest first: by two in
-    all, or three over few axes."""
-    most = 3 if axes <= FEW else 2
-    found = {(0,) * axes}
-    for _ in range(most):
-        found |= {tuple((np.array(step) + to).tolist()) for step in found for to in beside(axes)}
-    kept = sorted(
-        (step for step in found if np.abs(step).sum() > 1),
-        key=lambda step: (np.square(step).sum(), step),
-    )
-    return np.array(kept, int).reshape(len(kept), axes)
-
-
-def one_of(pairs: list[tuple[np.ndarray, np.ndarray]], count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return each target once, with the last of its sources."""
-    source = np.full(count, -1)
-    for targets, sources in pairs:
-        source[targets] = sources
-    found = np.flatnonzero(source >= 0)
-    return found, source[found]
+def hopeful(
+    poses: Poses, q: np.ndarray, good: np.ndarray, branch: GridBranch, steps: np.ndarray
+) -> np.ndarray:
+    """Return at which poses (N) Newton's method leads to some solution of the mode from the first
+    one that is solved some steps (K, axes) from them: at most others there is none."""
+    met = np.zeros(good.size, bool)
+    targets, sources = one_of(neighbours(poses.shape, good, ~good, -steps)[::-1], good.size)
+    if targets.size:
+        _, met[targets] = branch.solve(q[sources], q[sources], poses.values[targets], DIRECT)
+    return met
 
 
 def bounds(
