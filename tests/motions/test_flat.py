@@ -119,6 +119,23 @@ def test_a_five_bar_between_elastic_motors():
     returned(robot, motions.follow(robot, way, samples=2001), 1e-7)
 
 
+def test_links_led_beyond_a_fold_do_not_leap_to_another_assembly_mode():
+    """Of a 3-RRS, whose platform falls where its motors go on beyond where they determine it."""
+    described = lw.robots.rrs3()
+    joints = dict(described.joints)
+    for name in described.actuators:
+        fields = joints[name].model_dump(exclude={"elastic"})
+        elastic = {"stiffness": 200.0, "motor_inertia": 0.01}
+        joints[name] = type(joints[name])(**fields, elastic=elastic)
+    kept = {name: getattr(described, name) for name in ("bodies", "reference", "gravity")}
+    robot = lw.Robot(lw.Mechanism(joints=joints, actuators=described.actuators, **kept))
+    ends = [[0.86745736] * 3, [0.27198472, 0.18059837, 1.64544324]]
+    around = [dict(zip(described.actuators, values, strict=True)) for values in ends]
+    timed = motions.point_to_point(*around, motions.AxisLimits(speed=1.0), law="septic")
+    with pytest.raises(lw.LinkworkError, match="would leap to another assembly mode"):
+        motions.follow(robot, timed, samples=51)
+
+
 @pytest.mark.parametrize(
     ("mechanism", "law", "said"),
     [

@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork import checks
-from linkwork.equations import Equations
 from linkwork.equations.algebra import SX
 from linkwork.equations.functions import forces_needed
 from linkwork.errors import LinkworkError
@@ -31,7 +30,9 @@ from linkwork.mechanism.bearing import require_no_bearings
 from linkwork.mechanism.effects import Effects
 from linkwork.mechanism.limits import meetings
 from linkwork.mechanism.sticking import strains
+from linkwork.model.charts import CompiledChart
 from linkwork.model.state import Motion, State
+from linkwork.motions.leaps import require_no_leap
 from linkwork.motions.timed_paths import TimedPath
 from linkwork.robot import Robot
 
@@ -82,7 +83,7 @@ def flat(
     t = checks.finite(time, "the times")
     require_increasing(t)
     given = arrays(derivatives, t.size, len(joints))
-    links = Robot(driven_links(robot.mechanism, drives))
+    links = robot.once(links_of)
     require_flat(links, joints)
     # The links' motion, and the forces that they need.
     states, before = [], None if guess is None else linked(links, guess)
@@ -97,6 +98,11 @@ def flat(
     motion = dict(zip(links.rates, np.moveaxis(moving, 0, 2).swapaxes(0, 1), strict=True))
     by_name = dict(zip(links.actuators, np.moveaxis(forces, 1, 0), strict=True))
     return with_motors(robot, t, led, motion, by_name, drives)
+
+
+def links_of(robot: Robot) -> Robot:
+    """Return the links of a robot, driven themselves."""
+    return Robot(driven_links(robot.mechanism, spring_drives(robot)))
 
 
 def flat_along(robot: Robot, timed: TimedPath, samples: int, guess: State | None) -> Motion:
@@ -120,9 +126,14 @@ def flat_along(robot: Robot, timed: TimedPath, samples: int, guess: State | None
                 f"the {what} of the path leap at t = {inner[k]:.6g} s, where elastic joints would "
                 "take a torque without bound; take law='septic', or polynomials of higher degree"
             )
-    time = np.linspace(0, timed.duration, samples)
-    parts = [profile(time, order) for order in range(len(DERIVATIVES))]
-    return flat(robot, time, timed.names, *parts, guess=guess)
+
+    def led(time: np.ndarray, guess: State | None) -> Motion:
+        parts = [profile(time, order) for order in range(len(DERIVATIVES))]
+        return flat(robot, time, timed.names, *parts, guess=guess)
+
+    motion = led(np.linspace(0, timed.duration, samples), guess)
+    require_no_leap(robot, motion, timed.names, led)
+    return motion
 
 
 def leads_links(robot: Robot, names: Sequence[str]) -> bool:
@@ -276,15 +287,16 @@ def needed(links: Robot, led: State, higher: Sequence[np.ndarray]) -> np.ndarray
     return np.array(
         [
             np.array(part).T
-            for part in force_derivatives(links.chart_of(led).equations)(
+            for part in links.once(force_derivatives, links.chart_of(led))(
                 led.q.T, led.rates.T, *(part.T for part in higher), links.p
             )
         ]
     )
 
 
-def force_derivatives(equations: Equations) -> ca.Function:
+def force_derivatives(links: Robot, chart: CompiledChart) -> ca.Function:
     """Return (q, v, v', v'', v''', p) -> u, u', u'' of actuators that drive all rates."""
+    equations = chart.equations
     n = equations.mobility
     v, derivatives = equations.v, [SX.sym(f"d{k}v", n) for k in (1, 2, 3)]
     chain = [equations.tree.q, v, *derivatives[:-1]]

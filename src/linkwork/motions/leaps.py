@@ -24,7 +24,7 @@ from linkwork.robot import Robot
 
 ROUGH, FLOOR = 0.1, 1e-7  # part of the way between samples, and own units, by which they differ
 PARTS, DEPTH = 16, 3  # of an interval, and how often these are parted themselves
-LEAP = 4.0  # how much longer a leap is than the longest way that rates tell
+LEAP, SEEN = 4.0, 1e-4  # how much longer a leap is than the longest way that rates tell, own units
 SAME = 1e-6  # distance of configurations that are one, in own units
 
 Led = Callable[[np.ndarray, State], Motion]
@@ -39,9 +39,10 @@ def require_no_leap(
     names: of the coordinates that are led; led: the same motion at other times
     """
     off, told, longest = ways_between(robot, motion)
-    for k in np.flatnonzero(off > ROUGH * told + FLOOR).tolist():
+    most = [part.max(axis=1, initial=0.0) for part in (off, told)]
+    for k in np.flatnonzero(most[0] > ROUGH * most[1] + FLOOR).tolist():
         begin, end = motion.time[k : k + 2].tolist()
-        leaps = off[k] > LEAP * longest[k] + FLOOR
+        leaps = (off[k] > LEAP * longest[k] + SEEN).any()
         if depth:
             finer = led(np.linspace(begin, end, PARTS + 1), motion.state.at(k))
             require_no_leap(robot, finer, names, led, depth - 1)
@@ -57,16 +58,13 @@ def require_no_leap(
 
 def ways_between(robot: Robot, motion: Motion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return how far ways between samples differ from what rates and accelerations tell, this way,
-    and the longest that either rates tell: of the joint with the most (samples - 1) in own
-    units."""
+    and the longest that either rates tell (samples - 1, joints), in own units."""
     h, x = np.diff(motion.time)[:, None], motion.positions
     units, _, rates = own_rates(robot)
     v, a = motion.joint_rates[:, rates], motion.joint_accelerations[:, rates]
     told = (h / 2 * (v[1:] + v[:-1]) - h**2 / 12 * np.diff(a, axis=0)) / units
     longest = h * np.maximum(np.abs(v[1:]), np.abs(v[:-1])) / units
-    found = way(robot, x[:-1], x[1:]) - told, told, longest
-    off, told, longest = (np.abs(part).max(axis=1, initial=0.0) for part in found)
-    return off, told, longest
+    return np.abs(way(robot, x[:-1], x[1:]) - told), np.abs(told), longest
 
 
 def way(robot: Robot, x: np.ndarray, other: np.ndarray) -> np.ndarray:
