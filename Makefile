@@ -9,9 +9,12 @@ COMPILERS := $(VENV)/.compilers
 TORCH := $(VENV)/.torch
 UV_VERSION := 0.13.8
 TORCH_VERSION := 2.15.0
+OLDEST := $(VENV)/oldest
 LOCKED := engines viewer control video fmu sympy jax gym sweeps
+comma := ,
+space := $() $()
 
-.PHONY: demo test hostile bench docs lock clean
+.PHONY: demo test hostile oldest bench docs lock clean
 
 demo: $(READY)  ## reproduce the paper: report.html and its data in ./demo
 	$(BIN)/linkwork reproduce --out demo
@@ -27,6 +30,11 @@ test: $(READY) $(BROWSER) $(COMPILERS) $(TORCH)  ## lint, types, all tests
 hostile: $(READY) $(TORCH)  ## every hostile case, every mutated file and all robots where one of each kind stands for them in `make test`
 	LINKWORK_HOSTILE=all OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/hostile tests/analysis tests/benchmarks tests/control tests/design tests/equations tests/export tests/formats \
 	    tests/gradients tests/gym tests/jax tests/kernels tests/lab tests/mechanism tests/motions tests/robot tests/sweeps tests/torch -n 2 --dist loadgroup
+
+oldest: $(READY)  ## most tests with the oldest versions of other packages that pyproject.toml allows, in an environment of its own
+	$(BIN)/uv venv --quiet --clear --python $(BIN)/python $(OLDEST)
+	VIRTUAL_ENV=$(OLDEST) $(BIN)/uv pip install --quiet --resolution lowest-direct --group tests --editable .[$(subst $(space),$(comma),$(LOCKED))]
+	OPENBLAS_NUM_THREADS=1 $(OLDEST)/bin/python -m pytest -n 2 --ignore tests/benchmarks --ignore tests/docs --ignore tests/torch
 
 bench: $(READY)  ## every must-reach figure, contenders interleaved; tables into benchmarks/results
 	$(BIN)/python -m benchmarks
