@@ -168,11 +168,11 @@ class Passage:
         if self.system.acting is not None:
             control = self.system.control(chart, control)
         here, settings = (chart, self.start, q, v, turns, control), self.settings
-        bound, since, short, over = lowered or (SOFT, None, self.shortest, True)
-        stand = Stand(*here, settings.max_steps, bound, short, settings.integrator, since=since)
-        if settings.step_over and not over:
-            return stand._replace(bound=SOFT, short=self.shortest, since=None)
-        return self._looked(stand) if lowered and self.until(stand) <= self.start else stand
+        stand = Stand(*here, settings.max_steps, SOFT, self.shortest, settings.integrator)
+        if lowered is None or (settings.step_over and not lowered.over):
+            return stand
+        stand = stand._replace(bound=lowered.bound, short=lowered.short, since=lowered.since)
+        return self._looked(stand) if self.until(stand) <= self.start else stand
 
     def lowered(self, stand: Stand) -> Lowered | None:
         """Return the bound of the pivots at a stand, if it is lowered."""
