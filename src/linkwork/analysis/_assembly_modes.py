@@ -30,7 +30,7 @@ from linkwork.equations import body_motion, functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.mechanism.limits import limited
-from linkwork.model import checks, limits
+from linkwork.model import checks, limits, task
 from linkwork.model.modes import determinant
 from linkwork.model.turning import closing
 from linkwork.notebooks import Portrayed
@@ -188,10 +188,10 @@ def working_modes(
 
 def actuated(robot: Robot) -> tuple[str, ...]:
     """Return the actuated coordinates, of which there have to be as many as the mobility."""
-    if len(robot.actuators) != robot.mobility - len(robot.spins):
+    if len(robot.actuators) != task.freedoms(robot):
         raise LinkworkError(
             f"the robot has {amount(len(robot.actuators), 'actuator')} and the mobility "
-            f"{robot.mobility}; say which {robot.mobility - len(robot.spins)} of its joint "
+            f"{robot.mobility}; say which {task.freedoms(robot)} of its joint "
             "coordinates are given"
         )
     return robot.actuators

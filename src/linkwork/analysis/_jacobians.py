@@ -201,7 +201,7 @@ def _of_systems(_: Robot, inverse: Square, direct: Square) -> Jacobians:
 def of_actuators(robot: Robot) -> Square:
     """Return the system that asks for the actuated joints, of which there have to be as many as
     freedoms."""
-    if len(robot.actuators) != robot.mobility - len(robot.spins):
+    if len(robot.actuators) != task.freedoms(robot):
         raise LinkworkError(
             f"the robot has {amount(len(robot.actuators), 'actuator')} and the mobility "
             f"{robot.mobility}; input-output Jacobians need as many actuators as freedoms"

@@ -254,7 +254,7 @@ def spread(
     step: Step,
     begin: np.ndarray,
     steps: np.ndarray | None = None,
-    hopeful: np.ndarray | None = None,
+    able: np.ndarray | None = None,
 ) -> None:
     """Solve, wave by wave, the poses beside those that are solved; q, good: written to.
 
@@ -262,13 +262,13 @@ def spread(
         begin: where from, of what is solved.
         steps: to neighbours, of which one after the other is gone on from where the first does not
             lead there; from one of those beside each if left out.
-        hopeful: which poses are tried (N), all if left out.
+        able: which poses are tried (N), all if left out.
     """
     to = beside(len(poses.shape)) if steps is None else steps
     fresh = np.zeros(good.size, bool)
     fresh[begin] = good[begin]
     while fresh.any():
-        tried = ~good if hopeful is None else ~good & hopeful
+        tried = ~good if able is None else ~good & able
         pairs = neighbours(poses.shape, fresh, tried, to)
         fresh = np.zeros(good.size, bool)
         for targets, sources in [one_of(pairs, good.size)] if steps is None else pairs:

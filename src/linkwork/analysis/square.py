@@ -202,7 +202,7 @@ def square(
     asked: ToolAsked | None = None,
 ) -> Square:
     """Return the system; refuse another number of rows than freedoms."""
-    freedoms = robot.mobility - len(robot.spins)
+    freedoms = task.freedoms(robot)
     if len(what) != freedoms:
         besides = " besides spins of members about themselves" if robot.spins else ""
         raise LinkworkError(

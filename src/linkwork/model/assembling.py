@@ -58,7 +58,7 @@ def asked_of(robot: Model, joints: Mapping[str, ArrayLike]) -> tuple[tuple[str, 
         return tuple(joints), np.array([*joints.values()], float)
     parts = {name: checks.finite(value, f"joint {name!r}") for name, value in joints.items()}
     checks.known(parts, robot.coordinates, "joint")
-    needed = robot.mobility - len(robot.spins)
+    needed = task.freedoms(robot)
     for name, part in parts.items():
         if part.ndim and len(parts) < needed:
             raise LinkworkError(

@@ -13,7 +13,7 @@ from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.model import limits
 from linkwork.model.state import Motion, State, with_positions
-from linkwork.model.task import asked_of
+from linkwork.model.task import asked_of, freedoms
 from linkwork.motions._flat import flat_along, leads_links
 from linkwork.motions.leaps import require_no_leap
 from linkwork.motions.timed_paths import TimedPath, sample_count
@@ -137,7 +137,7 @@ def require_joints(robot: Robot, names: tuple[str, ...]) -> None:
             raise LinkworkError(
                 f"{name!r} is part of a quaternion and is not led alone; lead the tool's pose"
             )
-    needed = robot.mobility - len(robot.spins)
+    needed = freedoms(robot)
     if len(names) != needed:
         raise LinkworkError(
             f"{checks.amount_is(len(names), 'joint')} led, but {needed} determine the motion, for "

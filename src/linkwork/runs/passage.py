@@ -132,6 +132,11 @@ class Stand(NamedTuple):
     first_step: float | None = None
     since: float | None = None
 
+    @property
+    def looked(self) -> float:
+        """When it was looked last whether the pivots have recovered [s]."""
+        return self.t if self.since is None else self.since
+
 
 @dataclass
 class Passage:
@@ -176,9 +181,10 @@ class Passage:
 
     def lowered(self, stand: Stand) -> Lowered | None:
         """Return the bound of the pivots at a stand, if it is lowered."""
-        since = stand.t if stand.since is None else stand.since
         over = float(self.settings.step_over)
-        return None if stand.bound == SOFT else Lowered(stand.bound, since, stand.short, over)
+        return (
+            None if stand.bound == SOFT else Lowered(stand.bound, stand.looked, stand.short, over)
+        )
 
     @property
     def turning(self) -> Turning:
@@ -277,8 +283,7 @@ class Passage:
         their multiples under a lowered bound, too."""
         if stand.bound == SOFT:
             return self.end
-        since = stand.t if stand.since is None else stand.since
-        until, step = since + stand.short, self.settings.integrator.step
+        until, step = stand.looked + stand.short, self.settings.integrator.step
         return min(until if step is None else step * float(np.ceil(until / step - 1e-9)), self.end)
 
     def _again(

@@ -54,7 +54,7 @@ def posed(study: Study, robot: Robot, values: Mapping[str, float], near: State) 
         joints = still
     # Fewer joints than determine the others are led to with the member's own loops closed, if the
     # independent ones may stay where they are.
-    elif study.paths and 0 < len(joints) < robot.mobility - len(robot.spins) <= len(still):
+    elif study.paths and 0 < len(joints) < task.freedoms(robot) <= len(still):
         with suppress(UnreachableError):
             guess = robot.assemble(still, guess=guess)
     if joints:

@@ -80,7 +80,7 @@ def closed_together(
     closed = np.ones(len(q), dtype=bool)
     if given:
         joints = robot.joints_asked(tuple(given))
-        if len(joints.what) < robot.mobility - len(robot.spins):
+        if len(joints.what) < task.freedoms(robot):
             return q, ~closed
         q, closed = led(robot.leader_of_joints(joints), q, stacked(given), p)
         q = turned(robot.chart, q, joints.turns, stacked(given)[:, joints.angular])

@@ -6,9 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 
-import numpy as np
-
-from linkwork.formats.mjcf.tree import FREEDOMS, ModelTree
 from linkwork.mechanism import Cable, Combination, PulleyBlock
 
 
@@ -35,11 +32,3 @@ def movers(cable: Cable, chain: Callable[[str], Iterable[str]]) -> set[str]:
     ways = [None if isinstance(p, PulleyBlock) else {*chain(p.body)} for p in cable.path]
     pairs = [(a, b) for a, b in pairwise(ways) if a is not None and b is not None]
     return set().union(*(a ^ b for a, b in pairs))
-
-
-def coupled(tree: ModelTree) -> np.ndarray:
-    """Tell of each pair of rates whether the one moves the other's body, so that MuJoCo's inertia
-    matrix has an entry for it (nv, nv)."""
-    owners = [node.name for node, piece in tree.pieces() for _ in range(FREEDOMS[piece.kind])]
-    above = {name: {node.name for node in tree.chain(name)} for name in {*owners}}
-    return np.array([[i in above[j] or j in above[i] for i in owners] for j in owners], dtype=bool)

@@ -18,9 +18,15 @@ from typing import TypeAlias
 
 import numpy as np
 
-from linkwork.formats.mjcf.branches import coupled
 from linkwork.formats.mjcf.document import Document, flag
-from linkwork.formats.mjcf.inertia import along, inertia, mobility, moved_by
+from linkwork.formats.mjcf.inertia import (
+    along,
+    first_rates,
+    inertia,
+    mobility,
+    moved_by,
+    with_lines,
+)
 from linkwork.formats.mjcf.joints import Joints
 from linkwork.formats.mjcf.laws import MUSCLE
 from linkwork.formats.mjcf.motors import MotorLaw, motor_law
@@ -333,19 +339,12 @@ class DriveReader:
         """Return the tree's M at qpos0, with what moves along tendons, and the places in it of the
         coordinates of hinges and slides, and of free joints."""
         M, rates = inertia(self.tree)
-        at = {
-            piece.name: rate.start
-            for (_, piece), rate in zip(self.tree.pieces(), rates, strict=True)
-        }
+        at = first_rates(self.tree, rates)
         places = {label: at[name] for name, label in self.joints.coordinates.items() if name in at}
         places |= {name: at[name] for name in self.joints.floats if name in at}
         inert = [line for line in self.tendons.values() if line.inertia]
-        if inert:
-            has = coupled(self.tree)
-            for line in inert:
-                J = self._along(line, places)
-                M = M + line.inertia * has * np.outer(J, J)
-        return M, places
+        lines = [(line.inertia, self._along(line, places)) for line in inert]
+        return with_lines(M, self.tree, lines), places
 
 
 def servo(gain: np.ndarray, bias: np.ndarray, gear: float) -> Numbers:

@@ -3,6 +3,8 @@ dampers and gains: `springdamper` of joints (`spring_dampers`), `dampratio` of s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 
@@ -30,6 +32,32 @@ def inertia(tree: ModelTree) -> tuple[np.ndarray, list[range]]:
         solid = tree.nodes[name].solid.seen(at[name])
         M = M + J[:3].T @ solid.inertia @ J[:3] + solid.mass * J[3:].T @ J[3:]
     return M, places
+
+
+def first_rates(tree: ModelTree, places: Sequence[range]) -> dict[str | None, int]:
+    """Return the place of each joint's first rate, by its name; places: of all of its rates, in the
+    file's order."""
+    return {piece.name: own.start for (_, piece), own in zip(tree.pieces(), places, strict=True)}
+
+
+def with_lines(
+    M: np.ndarray, tree: ModelTree, lines: Sequence[tuple[float, np.ndarray]]
+) -> np.ndarray:
+    """Return M (nv, nv) with what is inert along lines, each with its inertia and J (nv) of
+    l' = J w: of J' J only what stands in MuJoCo's inertia matrix."""
+    if lines:
+        kept = coupled(tree)
+        for armature, J in lines:
+            M = M + armature * kept * np.outer(J, J)
+    return M
+
+
+def coupled(tree: ModelTree) -> np.ndarray:
+    """Tell of each pair of rates whether the one moves the other's body, so that MuJoCo's inertia
+    matrix has an entry for it (nv, nv)."""
+    owners = [node.name for node, piece in tree.pieces() for _ in range(FREEDOMS[piece.kind])]
+    above = {name: {node.name for node in tree.chain(name)} for name in {*owners}}
+    return np.array([[i in above[j] or j in above[i] for i in owners] for j in owners], dtype=bool)
 
 
 def jacobians(tree: ModelTree, origins: bool = False) -> dict[str, np.ndarray]:

@@ -4,19 +4,19 @@ of the inertia at qpos0 as MuJoCo's compiler has it.
     k = m / (T z)^2,    d = 2 m / T,    1/m: the mean of the diagonal of M^-1 over the joint's rates
 
 M has the armatures of joints, of tendons and of actuators; of those along tendons only what stands
-in MuJoCo's inertia matrix (`branches.coupled`).
+in MuJoCo's inertia matrix (`inertia.with_lines`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from linkwork.formats.mjcf.branches import coupled
 from linkwork.formats.mjcf.cable_paths import cable_path
 from linkwork.formats.mjcf.document import Document
-from linkwork.formats.mjcf.inertia import along, inertia, mobility
+from linkwork.formats.mjcf.inertia import along, first_rates, inertia, mobility, with_lines
 from linkwork.formats.mjcf.loops import LoopReader
 from linkwork.formats.mjcf.reflected import Added, Reflected, with_reflected
 from linkwork.formats.mjcf.tree import LOOSE, ModelBody, ModelTree, Piece
@@ -39,9 +39,8 @@ def with_spring_dampers(
     M, places = inertia(with_reflected(tree, added.joints))
     inert = _inert(document, added)
     loops = LoopReader(document, tree, tree, notes)
-    for tendon, armature in inert:
-        J = _row(tendon, document, tree, loops)
-        M = M + armature * coupled(tree) * np.outer(J, J)
+    rows = [(mass, _row(tendon, document, tree, loops, places)) for tendon, mass in inert]
+    M = with_lines(M, tree, rows)
     simple = _sliders(tree, inert)
     units, made, number = np.eye(len(M)), {}, 0
     for name, node in tree.nodes.items():
@@ -71,14 +70,18 @@ def _inert(document: Document, added: Reflected) -> list[tuple[Element, float]]:
     return found
 
 
-def _row(tendon: Element, document: Document, tree: ModelTree, loops: LoopReader) -> np.ndarray:
-    """Return J (nv) of l' = J w of a tendon at qpos0."""
+def _row(
+    tendon: Element,
+    document: Document,
+    tree: ModelTree,
+    loops: LoopReader,
+    places: Sequence[range],
+) -> np.ndarray:
+    """Return J (nv) of l' = J w of a tendon at qpos0; places: of each joint's rates."""
     if tendon.tag == "spatial":
         path, _ = cable_path(tendon, document, loops)
         return along(tendon.make(Cable, path=path), tree)
-    _, places = inertia(tree)
-    at = {piece.name: place.start for (_, piece), place in zip(tree.pieces(), places, strict=True)}
-    J = np.zeros(sum(map(len, places)))
+    at, J = first_rates(tree, places), np.zeros(sum(map(len, places)))
     for part in tendon.each("joint"):
         if part.attributes.get("joint") in at:  # else it is refused where the tendon is read
             J[at[part.text("joint")]] += part.number("coef")
