@@ -25,7 +25,7 @@ COLUMNS = ("robot", "operations", "Cortex-M7", "kernel", "C", "ratio", "ulp", "o
 ARM = ("arm-none-eabi-gcc", "-mcpu=cortex-m7", "-mfpu=fpv5-d16", "-mfloat-abi=hard", "-mthumb")
 METHOD = """
     `motion` of every robot, exported to C and compiled by gcc -O3 -march=native, beside the kernel
-    for one state: the same native loop calls either for 200 states in turn. Error: the largest
+    for one state: a native loop calls either for 200 states in turn. Error: the largest
     difference over the largest entry of dv or dq, in units of 2^-52, at 10,000 states around home,
     also near singular ones (pivots from 1e-4 on); "own roundings": the same of C that is compiled
     without -march=native, where products and sums are rounded apart. Cortex-M7: text of `motion`
@@ -33,17 +33,18 @@ METHOD = """
     """
 DRIVER = """
 #include "{name}.h"
-void one(const double *x, double *y);
-void many(void (*f)(const double *, double *), long count, const double *x, double *y);
-void one(const double *x, double *y)
+void exported(long count, const double *x, double *y);
+void given(long count, const double *x, double *y, void (*f)(const double *, double *));
+void exported(long count, const double *x, double *y)
 {{
-    (void){name}_motion(x, x + {nq}, x + {u}, y, y + {nq});
+    for (; count > 0; --count, x += {n_in}, y += {n_out}) {{
+        (void){name}_motion(x, x + {nq}, x + {u}, y, y + {nq});
+    }}
 }}
-void many(void (*f)(const double *, double *), long count, const double *x, double *y)
+void given(long count, const double *x, double *y, void (*f)(const double *, double *))
 {{
-    long k;
-    for (k = 0; k < count; ++k) {{
-        f(x + k * {n_in}L, y + k * {n_out}L);
+    for (; count > 0; --count, x += {n_in}, y += {n_out}) {{
+        f(x, y);
     }}
 }}
 """
@@ -140,11 +141,11 @@ def library(place: Path, name: str, *flags: str) -> ctypes.CDLL:
 def contenders(own: ctypes.CDLL, address: int, x: np.ndarray, n_out: int) -> dict[str, Contender]:
     """Return the loop over states that calls the kernel, and that which calls C."""
     y, x = np.empty((len(x), n_out)), np.ascontiguousarray(x)
-    given = ctypes.c_long(len(x)), *(ctypes.c_void_p(a.ctypes.data) for a in (x, y))
-    kept = x, y
-    both = {"kernel": ctypes.c_void_p(address), "C": own.one}
+    states = ctypes.c_long(len(x)), *(ctypes.c_void_p(a.ctypes.data) for a in (x, y))
+    kept, kernel = (x, y), ctypes.c_void_p(address)
     return {
-        name: Contender(lambda f=f: (own.many(f, *given), kept), len(x)) for name, f in both.items()
+        "kernel": Contender(lambda: (own.given(*states, kernel), kept), len(x)),
+        "C": Contender(lambda: (own.exported(*states), kept), len(x)),
     }
 
 
@@ -152,7 +153,7 @@ def difference(own: ctypes.CDLL, x: np.ndarray, wanted: np.ndarray, n_out: int) 
     """Return the largest difference over the largest entry of each state, in units of 2^-52."""
     y, x = np.empty((len(x), n_out)), np.ascontiguousarray(x)
     count, pointers = ctypes.c_long(len(x)), [ctypes.c_void_p(a.ctypes.data) for a in (x, y)]
-    own.many(own.one, count, *pointers)
+    own.exported(count, *pointers)
     sound = np.isfinite(wanted).all(axis=1)
     apart = np.abs(y[sound, :-1] - wanted[sound]).max(axis=1) / np.abs(wanted[sound]).max(axis=1)
     return float(apart.max(initial=0.0) * 2**52)

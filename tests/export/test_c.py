@@ -1,5 +1,6 @@
 """C against the kernels, bit by bit on robots of every kind, and what is refused."""
 
+import re
 import shutil
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import linkwork as lw
 from linkwork.export.calls import PROGRAMS
 from linkwork.kernels import compile_function
+from linkwork.kernels.by_sections import SHORT
 from linkwork.model.checks import PIVOT_BOUND
 from linkwork.robot import Robot
 
@@ -60,6 +62,16 @@ def test_vectors_of_any_number_of_angles_give_the_numbers_of_the_kernels(name, t
     found = [library("motion", *row) for row in zip(*rows, strict=True)]
     statuses = np.array([status for status, _ in found])
     require_equal(robot, "motion", rows, statuses, [np.concatenate(out) for _, out in found])
+
+
+def test_long_programs_are_short_functions_that_compilers_leave_apart():
+    def lengths(name):
+        source = lw.export.c(built(name), ["motion"], name="robot").files["robot.c"]
+        apart = re.findall(r"^ROBOT_SEPARATE\nstatic void \w+\((.*?)^}", source, re.M | re.S)
+        return [body.count("const robot_real v") for body in apart]
+
+    assert len(lengths("stewart")) > 10 and max(lengths("stewart")) <= SHORT
+    assert not lengths("prr3")
 
 
 @pytest.mark.parametrize("processor", PROCESSORS)

@@ -43,16 +43,21 @@ def cut(
 ) -> tuple[Program, SectionPlan]:
     """Return a program with its products fused, and its sections; the rest as `planned`."""
     program = fused(program, machine.has_fma)
-    if not is_long(program, machine):
+    if not (machine.has_memory_operands and is_long(program)):
         return program, planned(program, angles_in_vector, recurring)
-    # Values are computed near their uses, so that few are handed from section to section.
+    return shortened(program, angles_in_vector)
+
+
+def is_long(program: Program) -> bool:
+    """Tell whether a program with its products fused may be cut because of how long its code is."""
+    return LONG < len(program.nodes) <= LARGE
+
+
+def shortened(program: Program, angles_in_vector: int) -> tuple[Program, SectionPlan]:
+    """Return a program with its values near their uses, so that few are handed from section to
+    section, and its short sections."""
     program = reordered(program, depth_first(program, chain_lengths(program.nodes)))
     return program, planned(program, angles_in_vector, short=SHORT)
-
-
-def is_long(program: Program, machine: Machine) -> bool:
-    """Tell whether a program with its products fused is cut because of how long its code is."""
-    return machine.has_memory_operands and LONG < len(program.nodes) <= LARGE
 
 
 def definitions(

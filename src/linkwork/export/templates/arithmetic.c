@@ -13,3 +13,11 @@
 #else
 #define LW_RESTRICT
 #endif
+
+/* Functions that are carried out one after the other stay apart: in short ones more values are in
+   registers. */
+#if defined(__GNUC__)
+#define LW_SEPARATE __attribute__((noinline))
+#else
+#define LW_SEPARATE
+#endif
