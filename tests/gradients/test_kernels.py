@@ -12,10 +12,11 @@ import linkwork as lw
 from linkwork.equations import Equations, charts_at, derive, functions
 from linkwork.equations.algebra import dense
 from linkwork.equations.linear import derivatives
-from linkwork.gradients.compilation import drift, expressed
+from linkwork.gradients.compilation import expressed
 
 from tests.catalogue import SAMPLE, WHOLE
 from tests.gradients.complex_step import ComplexSteps, in_complex_numbers
+from tests.gradients.drift import drift
 from tests.oracle.random_joints import curved, random_loops, random_tree
 from tests.robot.test_bearings import journal, slide
 from tests.robot.test_parameters import can_be_free

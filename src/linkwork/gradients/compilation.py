@@ -24,7 +24,6 @@ from linkwork import checks
 from linkwork.equations import Equations, bearings, body_motion, functions
 from linkwork.equations.algebra import SX
 from linkwork.equations.functions import forces_needed
-from linkwork.equations.linear import reading, shifted
 from linkwork.errors import LinkworkError
 from linkwork.gradients import differentiable
 from linkwork.gradients.differentiable import Differentiable, Throughout
@@ -104,28 +103,6 @@ def vee(dR: ca.SX, R: ca.SX) -> ca.SX:
     return ca.vertcat(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]) / 2
 
 
-def drift(equations: Equations) -> ca.Function:
-    """Return (q, v) -> Gamma (n x n), Gamma_p (n x np) and the weakest relative pivot.
-
-    A small deviation dq along the independent rates moves by  dq' = Gamma dq + Gamma_p dp + dv,
-    where Gamma is zero but for the angular velocities of free turns (`equations.linear`).
-    """
-    tangent, tree = Tangent(equations), equations.tree
-    n, count = equations.mobility, equations.p.numel()
-    read, still, own = reading(equations), SX(n, n), SX.eye(count)
-    moving = tree.derivatives(tangent.w)
-    along = Shift(SX.eye(n), still, SX(count, n)), Shift(SX(n, count), SX(n, count), own)
-    N = tree.derivative_map
-    steps = [ca.mtimes(N, tangent.steps(step)[0][: equations.nv, :]) for step in along]
-    by = [
-        tangent.forward(moving, step) - shifted(shift, tree.q, moving)
-        for step, shift in zip(along, steps, strict=True)
-    ]
-    found = tangent.at_rates([ca.mtimes(read, part) for part in by])
-    outputs = {"Gamma": found[0], "Gamma_p": found[1], "pivot": equations.elimination.pivot}
-    return functions.function("drift", equations, outputs, v=equations.v)
-
-
 def opening(equations: Equations) -> ca.Function:
     """Return q -> by how much free numbers open the rows that the chart leaves out (rows x np),
     where the others are closed, how far they move any row by themselves (np), both in own units,
@@ -203,11 +180,6 @@ def by_rows(equations: Equations, jacobian: ca.Function) -> bool:
     n = equations.mobility
     rows = jacobian.numel_out("by_q") // n
     return FEW < rows <= MANY and jacobian.n_instructions() > LONG
-
-
-def compiled_drift(chart: CompiledChart) -> Kernel:
-    """Return the kernel of `drift` in a chart, as `compiled` does."""
-    return stored(chart, "drift", drift)
 
 
 def compiled_opening(chart: CompiledChart) -> Kernel:
