@@ -176,3 +176,57 @@ def test_a_reference_closed_but_for_rounding_moves_nothing_worth_telling():
     mechanism = robots.five_bar()
     rounded = {label: round(value, 2) for label, value in mechanism.reference.items()}
     assert lw.Robot(mechanism.with_reference(rounded)).notes == ()
+
+
+PEAUCELLIER = """
+linkwork: 1
+bodies: {crank: &bar {mass: 1}, long_1: *bar, long_2: *bar, a: *bar, b: *bar, c: *bar, d: *bar}
+joints:
+  O: {type: revolute, connects: [ground, long_1]}
+  O2: {type: revolute, connects: [ground, long_2]}
+  C: {type: revolute, connects: [ground, crank], frames: [{position: [0.1, 0, 0]}, {}]}
+  P: {type: revolute, connects: [crank, a], frames: [{position: [0.1, 0, 0]}, {}]}
+  P2: {type: revolute, connects: [crank, b], frames: [{position: [0.1, 0, 0]}, {}]}
+  K1:
+    type: revolute
+    connects: [long_1, a]
+    frames: [&long {position: [0.3, 0, 0]}, &short {position: [0.12, 0, 0]}]
+  K2: {type: revolute, connects: [long_2, b], frames: [*long, *short]}
+  L1: {type: revolute, connects: [long_1, c], frames: [{position: [0.3, 0, 0]}, {}]}
+  L2: {type: revolute, connects: [long_2, d], frames: [{position: [0.3, 0, 0]}, {}]}
+  Q: {type: revolute, connects: [c, d], frames: [*short, *short]}
+actuators: [C]
+reference: {C: 0.2, O: 0.4, O2: -0.2}
+"""
+
+
+def test_a_linkage_is_not_closed_folded_together_where_its_reference_has_it_open():
+    equations = derive(Mechanism.parse(PEAUCELLIER))
+    # The inversor closes with both long bars on top of each other, too, and has two freedoms there.
+    near = 0.2 * np.cos(0.1)
+    half = np.arccos((0.3**2 + near**2 - 0.12**2) / (2 * 0.3 * near))
+    assert len(equations.chart.independent) == 1
+    np.testing.assert_allclose(home(equations)[:3], [0.1 + half, 0.1 - half, 0.2], atol=1e-9)
+
+
+@pytest.mark.parametrize("crank", [1.0, 2.5])
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("named", ["crank_pin", "rocker_pivot", "rocker_pin"])
+def test_one_angle_beside_the_crank_tells_on_which_branch_a_four_bar_is(crank, side, named):
+    pin = 0.5 * np.exp(1j * crank)
+    across = pin - 1.1
+    wide = np.arccos((0.75**2 + abs(across) ** 2 - 1.2**2) / (2 * 0.75 * abs(across)))
+    rocker = np.angle(across) + side * wide
+    coupler = np.angle(1.1 + 0.75 * np.exp(1j * rocker) - pin)
+    closed = {
+        "crank_pin": coupler - crank,
+        "rocker_pivot": rocker,
+        "rocker_pin": rocker - coupler,
+    }
+    mechanism = robots.four_bar().model_copy(
+        update={"reference": {"crank_pivot": crank, named: closed[named]}}
+    )
+    found = home(derive(mechanism))
+    np.testing.assert_allclose(
+        np.exp(1j * found), np.exp(1j * np.array([crank, *closed.values()])), atol=1e-9
+    )

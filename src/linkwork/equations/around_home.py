@@ -14,7 +14,7 @@ import numpy as np
 
 from linkwork.equations.algebra import dense
 from linkwork.equations.equations import ClosureRows, smallest_singular
-from linkwork.equations.homing import ROUNDED, closed_reference, closing, home, jacobians
+from linkwork.equations.homing import ROUNDED, closed_reference, closing, first_home, jacobians
 from linkwork.equations.independence import independent_rows, largest_rows
 from linkwork.equations.joint_map import JointMap
 from linkwork.equations.nearest import moved
@@ -77,13 +77,13 @@ def closed_samples(
     # The reference, with fewer rows held where rounded numbers leave some open.
     tree = joints.tree
     try:
-        reference = home(joints, rows, start, starts())
+        reference = first_home(joints, rows, start, starts())
     except MechanismError:
         if (fewer := held(tree, rows, starts())) is not None:
             return closed_samples(joints, fewer, start, starts)
         if not singular_start(tree, rows, start):
             raise
-        reference = home(joints, rows, start, chain([start], bends(tree, start)))
+        reference = first_home(joints, rows, start, chain([start], bends(tree, start)))
     # Rows that hardly depend on each other may only seem to be independent.
     samples = about(tree, rows, reference)
     rounded = unheld_notes(tree, rows, samples[0])

@@ -13,7 +13,7 @@ import numpy as np
 
 from linkwork.equations.equations import ClosureRows
 from linkwork.equations.joint_map import JointMap
-from linkwork.equations.nearest import nearest
+from linkwork.equations.nearest import nearer_branch, nearest
 from linkwork.equations.reference import OPEN, OpenLoopsError, System, close
 from linkwork.equations.tree import Tree
 from linkwork.mechanism import MechanismError
@@ -68,6 +68,16 @@ def home(
     closed = closed_reference(joints.tree, rows, starts, p)
     found = nearest(closing(joints.tree, rows, p), joints, start, closed, p)
     return closed if found is closed else closed_reference(joints.tree, rows, [found, closed], p)
+
+
+def first_home(
+    joints: JointMap, rows: ClosureRows, start: np.ndarray, starts: Iterable[np.ndarray]
+) -> np.ndarray:
+    """Return home of a description, also where it lies on another branch of motion than the first
+    closed configuration does."""
+    q = home(joints, rows, start, starts)
+    other = nearer_branch(closing(joints.tree, rows), joints, start, q)
+    return q if other is None else closed_reference(joints.tree, rows, [other, q])
 
 
 def closed_reference(

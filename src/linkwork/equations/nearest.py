@@ -24,7 +24,8 @@ Source: Nocedal & Wright 2006, sec. 18.1 (reduced Hessians).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import casadi as ca
 import numpy as np
@@ -35,7 +36,7 @@ from linkwork.equations.joint_map import JointMap
 from linkwork.equations.joints import pattern
 from linkwork.equations.lengths import slides
 from linkwork.equations.mobility import free_motions
-from linkwork.equations.reference import OPEN, OpenLoopsError, System, close, described, unit
+from linkwork.equations.reference import OPEN, OpenLoopsError, System, close, described, led, unit
 from linkwork.equations.tree import Tree
 from linkwork.mechanism.joints import SLIDES, TURN
 
@@ -46,6 +47,9 @@ APART = 1e-5  # of configurations between which g is compared
 MOVED = 0.05  # of a coordinate, in own units, that is told
 SINGULAR = 1e-3  # strength of what is held, over that where it is not, from which it is held
 FLAT = 1e-6  # curvature that determines nothing, over the largest
+PULL = 10.0  # on what the reference names, over the gaps of the loops
+APPROACHES, ASTRAY = 4, 0.6  # starts of other branches, and how far apart they are, in own units
+CLEARLY = 0.99  # of a distance, below which another one is nearer
 
 Reading = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -86,6 +90,52 @@ def nearest(
     if not strength(system, driven, met) > SINGULAR * strength(system, driven, q):
         return q
     return settled(system, read, tree, met, (named & actuated(joints), named, ~named))
+
+
+def nearer_branch(
+    system: System, joints: JointMap, start: np.ndarray, q: np.ndarray
+) -> np.ndarray | None:
+    """Return a closed configuration that is clearly nearer to the reference than a closed q (nq)
+    which has moved what the reference names, on another branch of motion; None if none is found.
+
+    Loops that are closed from coordinates at zero, because the reference leaves them out, may be
+    closed far from those that it names. Here the coordinates that are left out come first: from a
+    few starts (fixed seed) descent leads to least  |phi|² + PULL² r . r,  and is closed from there.
+    """
+    if not moved(joints, q):
+        return None
+    (r, periodic), named = differences(joints), given(joints)
+    read = readings(joints, r, periodic, None)
+    near, driven = of_part(read, named), of_part(read, named & actuated(joints))
+
+    def rank(q: np.ndarray) -> tuple[bool, float]:
+        return bool(np.abs(driven(q)[0]).max(initial=0.0) > OPEN), float(np.linalg.norm(near(q)[0]))
+
+    unmet, far = rank(q)
+    found = [
+        nearest(system, joints, start, closed)
+        for closed in approaches(system, near, joints.tree, start)
+        if rank(closed)[1] < CLEARLY * far
+    ]
+    best = min(found, key=rank, default=q)
+    return best if rank(best) < (unmet, CLEARLY * far) else None
+
+
+def approaches(
+    system: System, near: Reading, tree: Tree, start: np.ndarray
+) -> Iterator[np.ndarray]:
+    """Yield closed configurations to which starts lead that keep to what the reference names."""
+
+    def pulled(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        r, J = near(q)
+        return PULL * r, PULL * J
+
+    random = np.random.default_rng(1864)
+    for spread in (0.0, *[ASTRAY] * (APPROACHES - 1)):
+        aside = start + spread * tree.units * random.standard_normal(start.size)
+        q, _ = led(holding(system, pulled, 0.0), tree, aside)
+        with suppress(OpenLoopsError):
+            yield close(system, tree, q)
 
 
 def settled(

@@ -87,6 +87,24 @@ def close(
     Raises:
         OpenLoopsError: where no step reduces the residual further.
     """
+    q, phi = led(system, tree, q, steps, gap, damping)
+    # Large coordinates are rounded, and their gaps with them.
+    rounding = 0.01 * np.abs(q / tree.units).max(initial=0.0)
+    if not np.abs(phi).max(initial=0.0) <= max(gap, min(CLOSED * max(1.0, rounding), OPEN)):
+        raise OpenLoopsError(phi)
+    return q
+
+
+def led(
+    system: System,
+    tree: Tree,
+    q: np.ndarray,
+    steps: int = 100,
+    gap: float = 0.0,
+    damping: float = DAMPING,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return q, and phi there, to which damped Gauss-Newton steps lead: closed, or where none
+    reduces |phi| further. Arguments as of `close`."""
     # Newton's step of least length, not more than half a unit.
     q = unit(tree, q)
     phi, Phi, N = system(q)
@@ -108,11 +126,7 @@ def close(
         q, phi, Phi, N = trial, phi_trial, Phi_trial, N_trial
         if size <= CLOSED:
             break
-    # Large coordinates are rounded, and their gaps with them.
-    rounding = 0.01 * np.abs(q / tree.units).max(initial=0.0)
-    if not np.abs(phi).max(initial=0.0) <= max(gap, min(CLOSED * max(1.0, rounding), OPEN)):
-        raise OpenLoopsError(phi)
-    return q
+    return q, phi
 
 
 def least_step(Phi: Matrix, phi: np.ndarray, damping: float = DAMPING) -> np.ndarray:
