@@ -98,6 +98,7 @@ def test_aliases_stand_for_what_their_anchors_hold():
             "a:\n  1e3: 2",
             "line 2: a: the key 1e3 is a number; put it in quotes to use it as a name: '1e3'",
         ),
+        ("a: {m: 0,8}", "line 1: a.m: 0,8 has a comma for the decimal point; write 0.8"),
         ("{~: 1}", "line 1: a key is empty; give a name before each colon"),
         ("? [a]\n: 1", "line 1: a key is not plain text; give a name before each colon"),
         ("a: &x b\n*x : 1", "line 2: a key is not plain text"),

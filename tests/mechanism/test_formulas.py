@@ -256,3 +256,15 @@ def test_a_divisor_that_becomes_zero():
     free = lw.Robot(lw.Mechanism.parse(TEXT.replace("sin(lean)/10", "0.01*rod/m"))).free("m")
     with pytest.raises(lw.MechanismError, match=r"'0.01\*rod/m' divides by zero"):
         free.with_parameters({"m": 0.0})
+
+
+def test_angles_in_degrees_turn_shapes_that_weigh_their_body():
+    text = """
+linkwork: 1
+bodies: {a: {shapes: [{type: box, size: [1, 2, 3], density: 2, frame: {rotation: [0, 0, TURN]}}]}}
+joints: {j: {type: revolute, connects: [ground, a]}}
+"""
+    turned = lw.Mechanism.parse(text.replace("TURN", "90 deg"))
+    expected = lw.Mechanism.parse(text.replace("TURN", repr(math.pi / 2)))
+    assert turned.bodies["a"].inertia == expected.bodies["a"].inertia
+    assert lw.Mechanism.parse(turned.text) == turned and "90 deg" in turned.text

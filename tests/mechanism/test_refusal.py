@@ -112,6 +112,11 @@ ENDS = {"connects": ("ground", "a")}
             {"connects": ("a", "b"), "points": [[0, 0, 0]]},
             "points: give 2 entries, not 1; expected a poin",
         ),
+        (
+            RevoluteJoint,
+            {"connects": ("a", "b"), "frames": [[0.3, 0, 0], {}]},
+            "frames.0: [0.3, 0, 0] is not a mapping of fields; give the fields position, rotation",
+        ),
     ],
 )
 def test_of_a_part(make, fields, sentence):

@@ -132,6 +132,7 @@ class DocumentReader:
     def mapping(self, line: int, where: Where) -> DocumentNode:
         parts: dict[str, DocumentNode] = {}
         while not isinstance(event := next(self.events), yaml.MappingEndEvent):
+            _refuse_decimal_comma(event, parts, where)
             key, at = _key(event, where), event.start_mark.line + 1
             if key in parts:
                 _refuse(
@@ -219,6 +220,15 @@ def _key(event: Any, where: Where) -> str:
     if key == "<<" and event.implicit[0]:
         _refuse(line, "merging by << is not read; write the fields out", where)
     return key
+
+
+def _refuse_decimal_comma(event: Any, before: Mapping[str, DocumentNode], where: Where) -> None:
+    """Refuse {mass: 0,8}, which YAML reads as {mass: 0, 8: null}."""
+    digits = getattr(event, "value", "")
+    last = next(reversed(before), "")
+    if last and isinstance(whole := before[last].data, int) and digits.isdecimal():
+        fault = f"{whole},{digits} has a comma for the decimal point"
+        _refuse(event.start_mark.line + 1, f"{fault}; write {whole}.{digits}", (*where, last))
 
 
 def _refuse(line: int, what: str, where: Where = ()) -> NoReturn:

@@ -118,8 +118,8 @@ def worked_out(fields: Mapping[str, Any], record: type[Record]) -> dict[str, Any
     for where, text in numeric_texts(record, rest, ()):
         if not means_formula(text, bool(let)):
             continue
-        refuse_place(where, fields)
         with told(where):
+            refuse_place(where, text, fields)
             result = put(result, where, formula.value_of(text, values))
         texts[where] = text
     return {**result, "formulas": {".".join(at): t for at, t in texts.items()}} if texts else result
@@ -133,7 +133,7 @@ def means_formula(text: Any, named: bool) -> bool:
     return named or (formula.is_formula(text) and not formula.names_in(text))
 
 
-def refuse_place(where: Where, fields: Mapping[str, Any]) -> None:
+def refuse_place(where: Where, text: str, fields: Mapping[str, Any]) -> None:
     """Refuse a formula where the number is made into something else."""
     for part, why in FIXED.items():
         if part in where:
@@ -142,6 +142,7 @@ def refuse_place(where: Where, fields: Mapping[str, Any]) -> None:
         where[0] == "bodies"
         and "shapes" in where
         and fields["bodies"][where[1]].get("mass") is None
+        and formula.names_in(text)
     ):
         raise MechanismError(
             "gives the body its mass, which would not follow from the formula; give the body a "
@@ -301,7 +302,7 @@ def with_quantities(
     texts = {path: text for path, text in whole.formulas.items() if not path.startswith("let.")}
     for path, text in formulas.items():
         where = located(mechanism, path)[0]
-        refuse_place(where, {"bodies": {name: {"mass": 0.0} for name in whole.bodies}})
+        refuse_place(where, text, {"bodies": {name: {"mass": 0.0} for name in whole.bodies}})
         texts[".".join(where)] = text
     every = {f"let.{name}": text for name, text in own.items()} | texts
     made = mechanism.model_copy(update={"let": values, "formulas": every})

@@ -177,7 +177,7 @@ def wrong_type(fields: Any, annotation: Any, where: tuple[str, ...]) -> Mechanis
 
 def fields_of(annotation: Any) -> str:
     """Say which fields a record of this annotation takes."""
-    first, *others = records_in(annotation)
+    first, *others = dict.fromkeys(records_in(annotation))
     return (
         "give a type and its fields"
         if others
