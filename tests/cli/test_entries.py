@@ -6,6 +6,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.cli.entries import by_name, read_columns
+from linkwork.cli.grid_words import axes, ranges
 from linkwork.cli.start import coordinates_given, tool_given
 from linkwork.errors import LinkworkError
 
@@ -110,6 +111,26 @@ def test_the_tool_is_given_by_numbers_or_by_name_with_units_or_without():
     ):
         with pytest.raises(LinkworkError, match=told):
             tool_given(spatial, wrong)
+
+
+def test_axes_and_ranges_of_maps_may_have_units():
+    flat = lw.Robot("prr3")
+    found = axes(flat, "x=0:50cm:3,angle=90 deg")
+    assert found["x"].tolist() == [0, 0.25, 0.5] and found["angle"] == np.pi / 2
+    assert ranges(flat, "slide_1=0:40mm,pivot_1=0:90deg") == {
+        "slide_1": (0.0, 0.04),
+        "pivot_1": (0.0, np.pi / 2),
+    }
+    for wrong, told in (
+        ("x=0:1:0", "x=0:1:0 is no axis; give from:to:count, or one number"),
+        ("x=0:1", "x=0:1 is no axis"),
+        ("x=30deg", "the unit is not known; it is no angle"),
+        ("u=1", "there is no coordinate of the tool 'u'"),
+    ):
+        with pytest.raises(LinkworkError, match=told):
+            axes(flat, wrong)
+    with pytest.raises(LinkworkError, match="slide_1=1 is no range; give lower:upper"):
+        ranges(flat, "slide_1=1")
 
 
 def test_angles_far_beyond_their_limits_are_told(capsys):

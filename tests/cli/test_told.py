@@ -96,6 +96,8 @@ def test_help_is_broken_where_the_terminal_ends():
     for words, command in commands():
         paragraphs = str(command.help).split("\n\n")
         assert not any("\n" in paragraph for paragraph in paragraphs), words
+        # Typer takes what stands in brackets for a style, and drops a unit there.
+        assert [param.name for param in command.params if "[" in (param.help or "")] == [], words
 
 
 SUBJECTS = {
@@ -116,6 +118,13 @@ def test_studies_are_told_as_plain_data(subject):
     result = call("analyse", robot, subject, *words, "--json")
     assert result.exit_code == 0, result.output
     json.loads(result.stdout)
+
+
+def test_stiffnesses_of_an_equilibrium_say_along_what():
+    words = ("analyse", "double_pendulum", "equilibrium")
+    (told,) = json.loads(call(*words, "--json").stdout)
+    assert len(told["stiffness"]) == len(told["independent"]) == 2
+    assert f", along {', '.join(told['independent'])}" in call(*words).stdout
 
 
 def test_rounding_of_stiffnesses_is_shown_as_zero():

@@ -76,7 +76,8 @@ def workspace(
         str,
         typer.Option(
             metavar="AXES",
-            help="Poses: 'x=0:1:101,y=0:1:101,angle=0.5' (from:to:count, or one number).",
+            help="Poses: 'x=0:1:101,y=0:1:101,angle=30deg' (from:to:count, or one number), m and "
+            "rad or with units.",
         ),
     ],
     joints: Joints = None,
@@ -238,13 +239,13 @@ def calibrate(
     joints: Joints = None,
     tool: ToolPose = None,
     position: Annotated[
-        float | None, typer.Option(help="Deviation of measured positions [m].")
+        float | None, typer.Option(help="Deviation of measured positions, m.")
     ] = None,
     rotation: Annotated[
-        float | None, typer.Option(help="Deviation of measured rotations [rad].")
+        float | None, typer.Option(help="Deviation of measured rotations, rad.")
     ] = None,
     encoders: Annotated[
-        float | None, typer.Option(help="Deviation of further joints' readings [m, rad].")
+        float | None, typer.Option(help="Deviation of further joints' readings, m or rad.")
     ] = None,
     out: Annotated[
         Path | None,

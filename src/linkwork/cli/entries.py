@@ -172,33 +172,6 @@ def _entries(path: Path, line: int, row: list[str], header: list[str]) -> list[f
     ]
 
 
-def axes(text: str) -> dict[str, np.ndarray | float]:
-    """Return the axes of "x=0:1:101,y=0.2"."""
-    found: dict[str, np.ndarray | float] = {}
-    for name, value in pairs(text, "--grid"):
-        parts = [number(part, f"--grid: {name}") for part in value.split(":")]
-        if len(parts) == 1:
-            found[name] = parts[0]
-        elif len(parts) == 3 and parts[2] == int(parts[2]) >= 1:
-            found[name] = np.linspace(parts[0], parts[1], int(parts[2]))
-        else:
-            raise LinkworkError(
-                f"--grid: {name}={value} is no axis; give from:to:count, or one number"
-            )
-    return found
-
-
-def ranges(text: str) -> dict[str, tuple[float, float]]:
-    """Return the bounds of "slide_1=0:0.5"."""
-    found = {}
-    for name, value in pairs(text, "--limits"):
-        parts = [number(part, f"--limits: {name}") for part in value.split(":")]
-        if len(parts) != 2:
-            raise LinkworkError(f"--limits: {name}={value} is no range; give lower:upper")
-        found[name] = (parts[0], parts[1])
-    return found
-
-
 def names(text: str | None) -> tuple[str, ...] | None:
     """Return the names of "x,y,rz"; None where nothing is said."""
     return None if text is None else tuple(part.strip() for part in text.split(","))

@@ -11,7 +11,10 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-ROBOT_HELP = "A robot of the catalogue (see 'linkwork robots') or a mechanism file."
+ROBOT_HELP = (
+    "A robot of the catalogue (see 'linkwork robots'), a mechanism file (.yaml) or a model file "
+    "(.xml, .urdf, .sdf)."
+)
 
 
 def robots_like(incomplete: str) -> list[str]:

@@ -57,7 +57,13 @@ def equilibrium_told(robot: Robot, found: analysis.Equilibrium) -> dict[str, Any
     """Return an equilibrium by name."""
     energy = float(robot.energy(found.state)[1])
     told = {name: getattr(found, name) for name in ("stable", "stiffness", "residual")}
-    return {"joints": joints_told(robot, found.state), **told, "energy": energy}
+    along = list(found.state.independent)
+    return {
+        "joints": joints_told(robot, found.state),
+        "independent": along,
+        **told,
+        "energy": energy,
+    }
 
 
 def modes_at(

@@ -102,7 +102,7 @@ def view(
         str,
         typer.Argument(
             metavar="ROBOT|RUN",
-            help="A robot of the catalogue, a mechanism file, or a saved run (.nc).",
+            help="A robot of the catalogue, a mechanism or model file, or a saved run (.nc).",
             autocompletion=shown_like,
         ),
     ],

@@ -12,7 +12,8 @@ import numpy as np
 from linkwork import analysis
 from linkwork.checks import amount
 from linkwork.cli.catalogue import built, refuse_existing
-from linkwork.cli.entries import axes, by_name, names, number, ranges
+from linkwork.cli.entries import by_name, names, number
+from linkwork.cli.grid_words import axes, ranges
 from linkwork.cli.poses import (
     FEW,
     equilibrium_told,
@@ -210,7 +211,7 @@ def workspace(
     # What is asked for fits before anything is computed.
     asked.check()
     robot = made(source)
-    limits = None if asked.limits is None else ranges(asked.limits)
+    limits = None if asked.limits is None else ranges(robot, asked.limits)
     rates, forces = (
         None if text is None else spread(robot, text, option)
         for text, option in ((asked.rates, "--rates"), (asked.forces, "--forces"))
@@ -218,7 +219,7 @@ def workspace(
     with patience("mapping the workspace"):
         guess = configuration(robot, joints, tool)
         mapped = analysis.workspace(
-            robot, axes(asked.grid), guess=guess, limits=limits, rates=rates, forces=forces
+            robot, axes(robot, asked.grid), guess=guess, limits=limits, rates=rates, forces=forces
         )
     written = files_of(mapped, asked)
     if as_json:
@@ -380,16 +381,18 @@ def equilibrium(
     if as_json:
         show_json([equilibrium_told(robot, one) for one in found])
         return
+    # In tables, the stiffnesses with the rates that they hold along.
     out = console()
     for one in found:
         energy = float(robot.energy(one.state)[1])
         values = np.linalg.eigvalsh((one.stiffness + one.stiffness.T) / 2)
+        stiffnesses = ", ".join(f"{value:.4g}" for value in values)
         out.print(
             facts(
                 [
                     ("equilibrium", "stable" if one.stable else "not stable"),
                     ("at", pose_of(robot, one.state)),
-                    ("stiffnesses", ", ".join(f"{value:.4g}" for value in values)),
+                    ("stiffnesses", f"{stiffnesses}, along {', '.join(one.state.independent)}"),
                     ("energy", f"{energy:.6g} J"),
                     ("unbalanced", f"{one.residual:.2g}"),
                 ]
