@@ -23,7 +23,7 @@ run = robot.simulate(motion.state.at(0), forces, duration=1.0, rtol=1e-10, save_
 found, wanted = run.dataset["joint_position"].values, motion.positions[::5]
 print(run.message)
 print(f"off the path by {np.abs(found - wanted).max():.1e} m, rad")
-print(f"loops open by {run.closure_error:.1e} m")
+print(f"loops open by {run.closure_error:.1e} of the robot's length")
 assert np.abs(found - wanted).max() < 1e-6
 
 # The equations as the paper prints them, in NumPy: the same accelerations.

@@ -37,7 +37,7 @@ print(robot.mobility, "freedom; the loop is closed by:", robot.mechanism.joints[
 
 run = robot.simulate(robot.home, [0.0], duration=2.0, save_at=np.linspace(0, 2, 201))
 print(run.message)
-print(f"the loop is open by {run.closure_error:.1e} m at most")
+print(f"the loop is open by {run.closure_error:.1e} of the robot's length at most")
 assert run.closure_error < 1e-12
 
 # The native format, and back to MJCF; the notes say what MuJoCo takes otherwise.

@@ -31,7 +31,7 @@ def controlled(stepper, seconds, kp=30.0, kd=1.5):
 
 
 time, off = controlled(stepper, 1.0)
-print(stepper, f"the loops are open by {stepper.closure_error:.1e} m")
+print(stepper, f"the loops are open by {stepper.closure_error:.1e} of the robot's length")
 print(f"the motors stay off by {np.abs(off[-1]).max():.1e} rad; an encoder counts {tick:.1e} rad")
 
 # What the controller asked for goes on as any state does, in a run.

@@ -53,6 +53,13 @@ def test_the_page_tells_whose_run_it_is_how_it_went_and_how_it_was_computed(html
     assert html.count("<canvas") == 1
 
 
+def test_gaps_of_loops_are_told_in_the_unit_that_runs_have_them_in(html, run):
+    assert run.variables["closure_error"].attrs["units"] == "own lengths, rad"
+    gaps = re.findall(r"[^<>]*largest gap[^<>]*", html)
+    assert len(gaps) == 3
+    assert all("own length" in gap and "m, rad" not in gap for gap in gaps)
+
+
 def test_peaks_are_those_of_the_motion():
     """A point on a massless rod of 1 m falls from the horizontal: at the lowest point its rate is
     sqrt(2 g / l)."""

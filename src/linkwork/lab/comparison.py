@@ -153,7 +153,7 @@ def by_noc(robot: Robot, motion: Motion, signal: Signal, time: np.ndarray) -> Cu
         variables["joint_position"],
         variables["joint_acceleration"][:, actuated(robot)],
         variables["tool_pose"],
-        run.closure_error,
+        run.closure_error * robot.equations.tree.length,
         run.steps,
         min(seconds for seconds, _ in runs),
     )

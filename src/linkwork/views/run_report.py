@@ -299,7 +299,7 @@ def closure_table(run: Run) -> PageTable:
     rows = [
         ("largest gap of a loop over all steps [own lengths, rad]", short(run.closure_error)),
         (
-            "largest gap at the saved times [m, rad]",
+            "largest gap at the saved times [own lengths, rad]",
             short(float(saved.max())) if saved.size else "–",
         ),
         (
