@@ -1,6 +1,7 @@
 """The server of the viewer without a browser: ports, addresses, wishes of many hands, work beside
 the scene, the command."""
 
+import json
 import signal
 import socket
 import sys
@@ -301,6 +302,14 @@ def test_the_command_refuses_in_a_sentence(robot, tmp_path, taken):
     ):
         result = invoke(*words)
         assert result.exit_code == 2 and said in " ".join(result.output.split()), words
+
+
+def test_the_command_tells_one_address_and_nothing_but_data_where_that_is_asked_for(monkeypatch):
+    monkeypatch.setattr(Viewer, "wait", lambda self: None)
+    told = invoke("view", "prr3", "--no-browser", "--json")
+    assert set(json.loads(told.stdout)) == {"robot", "url"}
+    said = invoke("view", "prr3", "--no-browser").stdout
+    assert said.count("http://") == 1 and "?token=" in said
 
 
 def test_the_command_serves_a_saved_run_until_it_is_interrupted(robot, tmp_path):

@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+import rich
 from rich.console import Console
 
 from linkwork.cli.catalogue import built
@@ -41,6 +42,7 @@ def view(
             f"--over lays a run over another one; {name!r} is no run (a file that ends in {SUFFIX})"
         )
     other = None if over is None else read(over)
+    rich.reconfigure(stderr=True)  # for what viser tells
     with patience("preparing the robot"):
         from linkwork.viewer import Viewer
 
@@ -49,15 +51,18 @@ def view(
         )
         viewer = Viewer(robot, run, over=other, host=host, port=port)
     with viewer, suppress(KeyboardInterrupt):  # from the moment when the address is told
-        if as_json:
-            show_json({"robot": robot.mechanism.name, "url": viewer.url})
-            sys.stdout.flush()
-        out = Console(stderr=True, markup=False, highlight=False) if as_json else console()
-        out.print(f"{robot.mechanism.name}: {viewer.url} (Ctrl-C ends it)", soft_wrap=True)
-        if host not in LOCAL:
-            out.print(
-                "everyone who is given this address can see and move the robot", soft_wrap=True
-            )
+        tell(robot.mechanism.name, viewer.url, host, as_json)
         if browser:
             webbrowser.open(viewer.url)
         viewer.wait()
+
+
+def tell(name: str, url: str, host: str, as_json: bool) -> None:
+    """Print where a viewer is found, as plain data, too, if asked for."""
+    if as_json:
+        show_json({"robot": name, "url": url})
+        sys.stdout.flush()
+    out = Console(stderr=True, markup=False, highlight=False) if as_json else console()
+    out.print(f"{name}: {url} (Ctrl-C ends it)", soft_wrap=True)
+    if host not in LOCAL:
+        out.print("everyone who is given this address can see and move the robot", soft_wrap=True)

@@ -15,10 +15,11 @@ import hmac
 import secrets
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
+from io import StringIO
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
@@ -93,7 +94,7 @@ def serve(host: str, port: int | None) -> tuple[viser.ViserServer, str]:
         raise LinkworkError(MISSING) from None
     free = free_port(host, port)
     door, used = Door(f"linkwork-{free}"), []
-    with kept(door, used):
+    with kept(door, used), redirect_stdout(StringIO()):  # viser tells an address without the token
         server = viser.ViserServer(host=host, port=free, verbose=False)
     if not used:
         server.stop()
