@@ -126,6 +126,20 @@ def test_of_a_part(make, fields, sentence):
 
 
 @pytest.mark.parametrize(
+    ("word", "here"),
+    [
+        ("hinge", "revolute"),
+        ("slider", "prismatic"),
+        ("Ball", "spherical"),
+        ("cardan", "universal"),
+    ],
+)
+def test_types_are_told_by_what_others_call_them(word, here):
+    with pytest.raises(MechanismError, match=rf"gear; what others call {word} is {here} here$"):
+        Mechanism(bodies={"a": {"mass": 1}}, joints={"j": {"type": word}})
+
+
+@pytest.mark.parametrize(
     ("joint", "sentence"),
     [
         (3, "joints.j: 3 is not a mapping of fields; give a type and its fields"),
