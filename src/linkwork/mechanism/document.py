@@ -222,7 +222,7 @@ def _key(event: Any, where: Where) -> str:
     return key
 
 
-def _refuse_decimal_comma(event: Any, before: Mapping[str, DocumentNode], where: Where) -> None:
+def _refuse_decimal_comma(event: Any, before: dict[str, DocumentNode], where: Where) -> None:
     """Refuse {mass: 0,8}, which YAML reads as {mass: 0, 8: null}."""
     digits = getattr(event, "value", "")
     last = next(reversed(before), "")

@@ -85,8 +85,9 @@ class JointFreedom(NamedTuple):
 
 class JointBase(Record):
     """Say what all joint types share: the freedoms, by name, and the coordinates and rates these
-    bring."""
+    bring; `elsewhere`: what others call the type."""
 
+    elsewhere: ClassVar[tuple[str, ...]] = ()
     freedoms: ClassVar[tuple[str, ...]] = ()
     type: str
 
@@ -233,6 +234,7 @@ class ManyFreedoms(PairJoint):
 class FixedJoint(PairJoint):
     """Weld the two frames together: no coordinate."""
 
+    elsewhere: ClassVar = ("weld", "rigid")
     type: Literal["fixed"] = "fixed"
 
 
@@ -241,6 +243,7 @@ class RevoluteJoint(OneFreedom):
     p_12 = 0."""
 
     freedoms: ClassVar = ("angle",)
+    elsewhere: ClassVar = ("hinge", "pin", "rotary", "continuous")
     type: Literal["revolute"] = "revolute"
     axis: Axis = Field(default=(0.0, 0.0, 1.0), description="unit axis in the joint frames")
     bearing: JournalBearing | None = Field(
@@ -253,6 +256,7 @@ class PrismaticJoint(OneFreedom):
     axis."""
 
     freedoms: ClassVar = ("slide",)
+    elsewhere: ClassVar = ("slide", "slider", "sliding", "linear")
     type: Literal["prismatic"] = "prismatic"
     axis: Axis = Field(default=(0.0, 0.0, 1.0), description="unit axis in the joint frames")
     bearing: SlidingBearing | None = Field(
@@ -290,6 +294,7 @@ class UniversalJoint(ManyFreedoms):
     """
 
     freedoms: ClassVar = ("angle_1", "angle_2")
+    elsewhere: ClassVar = ("cardan", "hooke", "gimbal")
     type: Literal["universal"] = "universal"
     axes: tuple[Axis, Axis] = Field(
         default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
@@ -312,6 +317,7 @@ class SphericalJoint(ManyFreedoms):
     """Let F2 turn freely about the common origin: p_12 = 0, R_12 by its unit quaternion."""
 
     freedoms: ClassVar = (TURN,)
+    elsewhere: ClassVar = ("ball", "ball-and-socket")
     type: Literal["spherical"] = "spherical"
 
 

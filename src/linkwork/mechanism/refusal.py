@@ -19,18 +19,6 @@ VANISHES = (
     "is nearer to zero than any number that a computer holds in full, about 2e-308; give 0, or "
     "check its unit"
 )
-ELSEWHERE = {
-    "revolute": ("hinge", "pin", "rotary", "continuous", "rotational", "turning"),
-    "prismatic": ("slide", "slider", "sliding", "linear", "translational"),
-    "spherical": ("ball", "ball-and-socket", "globular"),
-    "sphere": ("ball",),
-    "universal": ("cardan", "hooke", "gimbal"),
-    "screw": ("helical",),
-    "fixed": ("weld", "rigid"),
-    "free": ("floating", "6dof"),
-    "box": ("cuboid", "block", "brick"),
-}
-"""What types are called elsewhere."""
 PLAIN = BeforeValidator(plain)  # no truth value for a number
 
 
@@ -184,8 +172,9 @@ def wrong_type(fields: Any, annotation: Any, where: tuple[str, ...]) -> Mechanis
         if word is None
         else f"{shown(word)} is not a type{suggestion(str(word), known)}"
     )
-    meant = next((name for name in known if str(word).lower() in ELSEWHERE.get(name, ())), None)
-    here = f"; what others call {word} is {meant} here" if meant else ""
+    called = zip(known, (getattr(record, "elsewhere", ()) for record in records), strict=True)
+    meant = [name for name, others in called if str(word).lower() in others]
+    here = f"; what others call {word} is {meant[0]} here" if meant else ""
     return MechanismError(f"{fault}; the types are {', '.join(known)}{here}", (*where, "type"))
 
 
