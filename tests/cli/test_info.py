@@ -231,3 +231,15 @@ def test_named_quantities_are_told(without_kernels, capsys):
     assert facts["quantities"] == {"rod": 0.3, "half": 0.15}
     assert fact(told(lw.Robot(mechanism), capsys), "quantities") == "rod = 0.3, half = 0.15"
     assert "quantities" not in told(lw.Robot("pendulum"), capsys)
+
+
+def test_home_is_told_and_that_it_passes_limits(tmp_path):
+    mechanism = lw.robots.slider_crank()
+    name = mechanism.actuators[0]
+    limited = mechanism.model_dump()
+    limited["joints"][name]["limits"] = {"upper": mechanism.reference[name] - 0.1}
+    lw.Mechanism(**limited).save(tmp_path / "limited.yaml")
+    text = call("info", tmp_path / "limited.yaml").stdout
+    assert fact(text, "home").startswith(f"{name} {mechanism.reference[name]:.5g}; x ")
+    assert "is above its upper limit" in fact(text, "limits passed")
+    assert "limits passed" not in call("info", "slider_crank").stdout

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from linkwork.checks import amount
 from linkwork.cli.catalogue import built
+from linkwork.cli.poses import FEW, pose_of
 from linkwork.cli.source import Source
-from linkwork.cli.terminal import console, facts, patience, show_json, table
+from linkwork.cli.terminal import console, facts, named, patience, show_json, table, tidy
 from linkwork.mechanism import GROUND, GearJoint, Joint
 from linkwork.mechanism.bearing import Bearing, GearTeeth, bearings
 from linkwork.mechanism.joints import SLIDES, TYPES, OneFreedom
@@ -20,11 +21,12 @@ KERNELS = ("motion", "inverse_dynamics", "terms", "closure_step")
 def show(source: Source, as_json: bool) -> None:
     """Print the facts of a robot, as tables or as JSON."""
     with patience("deriving and compiling the equations of motion"):
-        found = gather(built(source))
+        robot = built(source)
+        found = gather(robot)
     if as_json:
         show_json(found)
     else:
-        print_tables(found)
+        print_tables(found, at_home(robot))
 
 
 def gather(robot: Robot) -> dict[str, Any]:
@@ -127,7 +129,18 @@ def kernel_facts(robot: Robot, name: str) -> dict[str, Any]:
 # For people
 
 
-def print_tables(found: dict[str, Any]) -> None:
+def at_home(robot: Robot) -> list[tuple[str, str]]:
+    """Return home by the driven joints and the tool, or else the first joints, and the limits that
+    it passes."""
+    driven = [name for name in robot.actuators if name in robot.coordinates][:FEW]
+    places = tidy([robot.home[name] for name in driven])
+    joints = [named(driven, places, 5)] if driven else []
+    tool = [pose_of(robot, robot.home)] if robot.mechanism.tools or not driven else []
+    passed = "; ".join(robot.limits_passed(robot.home))
+    return [("home", "; ".join(joints + tool)), *([("limits passed", passed)] if passed else [])]
+
+
+def print_tables(found: dict[str, Any], home: Sequence[tuple[str, str]] = ()) -> None:
     # What the robot is.
     chart = found["chart"]
     out = console()
@@ -144,6 +157,7 @@ def print_tables(found: dict[str, Any]) -> None:
         *([("quantities", quantities(found))] if found["quantities"] else []),
         ("actuators", "; ".join(acting(found)) or "none"),
         ("tools", ", ".join(f"{name} on {of}" for name, of in found["tools"].items()) or "none"),
+        *home,
         ("independent", ", ".join(chart["independent"])),
         ("elimination", elimination(chart)),
     ]
