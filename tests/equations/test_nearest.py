@@ -142,6 +142,22 @@ def test_other_parameters_have_the_home_of_the_edited_description():
     np.testing.assert_allclose(changed.home.positions, expected, atol=1e-7)
 
 
+def test_other_parameters_keep_the_crank_of_a_reference_that_is_rough():
+    """Where another angle of the reference is off, home of other lengths has the crank where it is
+    asked for, too, on the same branch."""
+    mechanism = robots.four_bar().model_copy(
+        update={"reference": {"crank_pivot": 1.0, "rocker_pivot": 4.45}}
+    )
+    robot = lw.Robot(mechanism).free("crank_pin.frames.0.position.x")
+    assert "rocker_pivot from 4.45" in robot.notes[0]
+    for length in (0.45, 0.52):
+        values = dict.fromkeys(robot.parameters, length)
+        found = robot.with_parameters(values).home.positions
+        np.testing.assert_allclose(found, home(derive(edited(mechanism, values))), atol=1e-9)
+        assert found[0] == pytest.approx(1.0, abs=1e-12)
+        assert abs(found[2] - robot.home["rocker_pivot"]) < 0.1
+
+
 def test_actuated_coordinates_are_held_and_what_moves_is_told():
     """One motor is changed in a reference that was closed: it stays where it is put."""
     for name, actuator, value in (("rrr3", "motor_1", 0.9), ("slider_crank", "crank", 0.6)):

@@ -81,12 +81,12 @@ def reference(robot: Model, mechanism: Mechanism) -> np.ndarray:
     if gap <= CLOSED and not equations.rows.unheld:
         return kept
     tree, topology = equations.tree, equations.topology
-    if equations.notes:
+    if equations.caveats:
         return closed_reference(tree, equations.rows, [kept], robot.p)
     start = guess(mechanism, topology, tree)
-    return home(
-        equations.joints, equations.rows, start, starts(mechanism, topology, tree, start), robot.p
-    )
+    # Home that is off the reference keeps its branch.
+    begin = [kept] if equations.notes else starts(mechanism, topology, tree, start)
+    return home(equations.joints, equations.rows, start, begin, robot.p)
 
 
 def refuse_held(robot: Model, q: np.ndarray) -> None:
