@@ -262,6 +262,28 @@ def test_outputs_and_forces_of_the_tool_are_those_of_its_task(name, what):
     assert model.inputs == ("tool " + names[0], *robot.actuators) and model.outputs == (*outputs,)
 
 
+def test_forces_on_the_tool_press_on_what_rubs():
+    """m a = t.f - mu (m g cos A - n.f) - m g sin A of a block that slides up a slope A, t along it,
+    n across."""
+    slope, mu, mass = 0.4, 0.3, 2.0
+    block = lw.PrismaticJoint(
+        connects=("ground", "block"),
+        axis=(1, 0, 0),
+        frames=(lw.Frame(rotation=(0, 0, slope)), lw.Frame()),
+        bearing=lw.SlidingBearing(friction=lw.Sliding(coefficient=mu, rate=1e-7)),
+    )
+    described = lw.Mechanism(
+        bodies={"block": lw.Body(mass=mass, inertia=lw.Inertia(zz=0.01))},
+        joints={"slide": block},
+        gravity=(0, -G, 0),
+        tools={"tool": lw.Tool(body="block")},
+    )
+    robot = lw.Robot(described)
+    model = linearise(robot, robot.home.with_rates([1.0]), inputs=("tool x", "tool y"))
+    c, s = np.cos(slope), np.sin(slope)
+    np.testing.assert_allclose(model.B[1] * mass, [c - mu * s, s + mu * c], rtol=1e-12)
+
+
 def test_a_mass_on_a_spring_answers_forces_of_all_frequencies():
     m, k, d = 2.0, 50.0, 3.0
     model = linearise(cart(m, k, d), cart(m, k, d).home, outputs=("slide",))

@@ -19,8 +19,13 @@ from __future__ import annotations
 import casadi as ca
 
 from linkwork.equations import bearings, body_motion, functions
-from linkwork.equations.algebra import SX
+from linkwork.equations.algebra import SX, cross, vector
+from linkwork.equations.bearing_loads import Wrench
 from linkwork.equations.equations import Equations
+from linkwork.equations.task import task_map
+from linkwork.equations.tree import offset
+from linkwork.mechanism import GROUND, Tool
+from linkwork.mechanism.task import TaskCoordinate
 
 
 def derivatives(equations: Equations) -> ca.Function:
@@ -69,6 +74,35 @@ def row_derivatives(equations: Equations, J: ca.SX) -> ca.Function:
     )
     outputs = {"J": moved, "J_xi": along}
     return functions.function("row_derivatives", equations, outputs, v=v)
+
+
+def tool_responses(equations: Equations, task: tuple[TaskCoordinate, ...]) -> ca.Function:
+    """Return (q, v, u, p) -> d v'/d f (n x k) for forces f that work on task coordinates x' = E
+    [omega; v]: bearings carry them, too, and rub by that."""
+    tool, u = equations.mechanism.first_tool, SX.sym("u", len(equations.mechanism.actuators))
+    pose, f = body_motion.tool_pose(equations.tree, tool), SX.sym("f", len(task))
+    _, E, _ = task_map(task).call([ca.vertcat(*pose), SX.zeros(6)], True, False)
+    J, _ = body_motion.tool_twist(equations.tree, tool, SX.zeros(equations.nv))
+    pushed, forces = ca.mtimes(ca.sparsify(E).T, f), ca.mtimes(equations.actuation.T, u)
+    applied = forces + ca.mtimes(equations.elimination.L.T, ca.mtimes(J.T, pushed))
+    dv = bearings.accelerations(equations, applied, u, on_bodies(equations, tool, pushed))
+    response = ca.substitute(ca.jacobian(dv, f), f, SX.zeros(f.numel()))
+    return functions.function("tool_responses", equations, {"F": response}, v=equations.v, u=u)
+
+
+def on_bodies(equations: Equations, tool: Tool, wrench: ca.SX) -> tuple[Wrench, ...]:
+    """Return what a wrench [moment; force] (6) on a tool, in the axes of its twist, is on its body,
+    and its reaction on a body that it is relative to."""
+    tree, found = equations.tree, []
+    node, R = tree.node(tool.body), tree.node(tool.relative_to).R.matrix
+    place = node.O + offset(node, vector(tool.frame.position))
+    moment, force = ca.mtimes(R, wrench[:3]), ca.mtimes(R, wrench[3:])
+    for name, sign in ((tool.body, 1), (tool.relative_to, -1)):
+        if name != GROUND:
+            own, centre = tree.node(name), equations.mechanism.bodies[name].centre_of_mass
+            arm = place - own.O - offset(own, vector(centre))
+            found.append((name, sign * ca.vertcat(moment + cross(arm, force), force)))
+    return tuple(found)
 
 
 def shifted(matrix: ca.SX, q: ca.SX, dq: ca.SX) -> ca.SX:

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkwork.checks import shown
-from linkwork.equations.linear import row_derivatives
+from linkwork.equations.linear import row_derivatives, tool_responses
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.task import is_length
 from linkwork.model import checks, not_finite, task
 from linkwork.model.asked import task_rows
-from linkwork.model.evaluation import own_units, terms
+from linkwork.model.evaluation import own_units
 from linkwork.model.linear import actuator_forces, evaluated, largest, linearised
 from linkwork.model.reordering import ordered
 from linkwork.model.state import State
@@ -147,14 +147,14 @@ def linearise(
     names = (*state.independent, *(f"{name} rate" for name in state.independent))
     wanted = names if outputs is None else checks.names(outputs, "outputs")
     acting = robot.actuators if inputs is None else checks.names(inputs, "inputs")
-    led = Led.of(robot, state, (*wanted, *acting))
+    led = Led.of(robot, state, u, wanted, acting)
     C = np.zeros((len(wanted), 2 * n))
     for row, name in zip(C, wanted, strict=True):
         row[:n], row[n:] = output_row(robot, values, led, name)
     units = own_units(robot, state)
     own = np.tile(units.rates, 2), 1 / units.actuators
     if inputs is not None:
-        columns = [input_column(robot, state, B, led, name) for name in acting]
+        columns = [input_column(robot, B, led, name) for name in acting]
         B = np.array(columns).reshape(-1, 2 * n).T
         driven = dict(zip(robot.actuators, own[1], strict=True))
         own = own[0], np.array([driven.get(name, led.unit(name)) for name in acting])
@@ -163,33 +163,46 @@ def linearise(
 
 @dataclass(frozen=True, eq=False)
 class Led:
-    """Hold the rows of task coordinates at a state: J and d(J v)/d xi (k, n), by name."""
+    """Hold what task coordinates are at a state, by name: the rows J and d(J v)/d xi (k, n) of
+    outputs, and the accelerations d v'/d f (k, n) that forces on inputs bring."""
 
     rows: dict[str, tuple[np.ndarray, np.ndarray]]
+    pushed: dict[str, np.ndarray]
     units: dict[str, float]
 
     @classmethod
-    def of(cls, robot: Model, state: State, names: Sequence[str]) -> Led:
-        """Return those that some names speak of."""
-        found = (name.removesuffix(" rate") for name in names if name not in robot.rates)
-        own = dict.fromkeys(name.removeprefix(TOOL) for name in found if name.startswith(TOOL))
-        if not own:
-            return cls({}, {})
-        asked = task.known(robot, tuple(own))
-        chart = ordered(robot, robot.chart_of(state), state.q)
-        function = row_derivatives(chart.equations, task_rows(chart.equations, asked))
+    def of(
+        cls,
+        robot: Model,
+        state: State,
+        u: np.ndarray,
+        outputs: Sequence[str],
+        inputs: Sequence[str],
+    ) -> Led:
+        """Return those that outputs and inputs speak of."""
+        named = (name.removesuffix(" rate") for name in (*outputs, *inputs))
+        names = tuple(dict.fromkeys(name for name in named if name.startswith(TOOL)))
+        names = tuple(name for name in names if name not in robot.rates)
+        if not names:
+            return cls({}, {}, {})
+        own = tuple(name.removeprefix(TOOL) for name in names)
+        asked = task.known(robot, own)
+        # Their rows, and what forces on them do.
+        equations = ordered(robot, robot.chart_of(state), state.q).equations
+        function = row_derivatives(equations, task_rows(equations, asked))
         J, J_xi = (np.array(part) for part in function(state.q, state.rates, robot.p))
         if not np.isfinite(J).all() or not np.isfinite(J_xi).all():
             raise LinkworkError(
                 f"some of the tool's {', '.join(own)} have no rate at this pose; choose others"
             )
+        pushed = {}
+        if {*inputs} & {*names}:
+            response = tool_responses(equations, asked)(state.q, state.rates, u, robot.p)
+            pushed = dict(zip(names, np.array(response).T, strict=True))
         length = robot.equations.tree.length
         sizes = [1 / length if is_length(item) else 1.0 for item in asked]
-        named = [f"{TOOL}{name}" for name in own]
-        return cls(
-            dict(zip(named, zip(J, J_xi, strict=True), strict=True)),
-            dict(zip(named, sizes, strict=True)),
-        )
+        rows = dict(zip(names, zip(J, J_xi, strict=True), strict=True))
+        return cls(rows, pushed, dict(zip(names, sizes, strict=True)))
 
     def unit(self, name: str) -> float:
         """Return the mechanism's own unit of a force on a task coordinate, but for mass and
@@ -197,13 +210,11 @@ class Led:
         return self.units.get(name, 1.0)
 
 
-def input_column(robot: Model, state: State, B: np.ndarray, led: Led, name: str) -> np.ndarray:
-    """Return the column of B (2 n) of an actuator's force, or of one on a task coordinate: M^-1
-    J'."""
-    if name in led.rows:
-        force = np.linalg.solve(terms(robot, state).M, led.rows[name][0])
-        return np.append(np.zeros(robot.mobility), force)
-    checks.known((name,), (*robot.actuators, *led.rows), "input")
+def input_column(robot: Model, B: np.ndarray, led: Led, name: str) -> np.ndarray:
+    """Return the column of B (2 n) of an actuator's force, or of one on a task coordinate."""
+    if name in led.pushed:
+        return np.append(np.zeros(robot.mobility), led.pushed[name])
+    checks.known((name,), (*robot.actuators, *led.pushed), "input")
     return B[:, robot.actuators.index(name)]
 
 
