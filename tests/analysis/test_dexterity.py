@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.analysis import dexterity, global_conditioning, workspace
+from linkwork.analysis import content, dexterity, global_conditioning, jacobians, workspace
 
 from tests.analysis.mechanisms import arm
 from tests.catalogue import built
 from tests.robot.mixed_freedoms import three_legs
+
+SIGNS = ((1, 1), (-1, 1), (1, -1), (-1, -1))
 
 
 def test_an_arm_of_two_links():
@@ -58,6 +60,24 @@ def test_the_global_index_is_the_mean_over_what_is_reached():
     assert global_conditioning(mapped) == pytest.approx(ring, rel=0.01)
     with pytest.raises(lw.LinkworkError, match="nothing of the workspace is reached"):
         global_conditioning(workspace(robot, {"x": grid + 9, "y": grid}))
+
+
+def test_axes_that_decrease_hold_as_much_as_those_that_grow():
+    robot, x, y = arm(1.0, 0.6), np.linspace(0.5, 1.7, 5), np.linspace(0.0, 1.0, 5)
+    grown, *others = (workspace(robot, {"x": x[::i], "y": y[::j]}) for i, j in SIGNS)
+    for other in others:
+        assert content(other) == pytest.approx(content(grown))
+        assert global_conditioning(other) == pytest.approx(global_conditioning(grown))
+
+
+def test_coordinates_are_named_by_what_their_rates_are():
+    """An azimuth and a tilt are told as tilt (cos azimuth, sin azimuth)."""
+    robot = lw.Robot(three_legs("RRS"))
+    state = robot.assemble(tool={"z": 0.5, "azimuth": 0.3, "tilt": 0.2})
+    found = jacobians(robot, ("z", "azimuth", "tilt"))
+    J = robot.jacobian(state, found.what) @ np.linalg.inv(robot.actuation(state))
+    np.testing.assert_allclose(found(state.q).J, J, rtol=1e-9)
+    assert dexterity(robot, state, what=("z", "azimuth", "tilt")).what == found.what
 
 
 def test_refusals():

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkwork.analysis._jacobians import jacobians
-from linkwork.analysis.mapped_extent import content
+from linkwork.analysis.mapped_extent import content, integral
 from linkwork.checks import names
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
@@ -111,9 +111,7 @@ def global_conditioning(mapped: xarray.Dataset) -> float:
     Raises:
         LinkworkError: a workspace of which nothing is reached.
     """
-    volume, share = content(mapped), mapped["conditioning"].where(mapped["reachable"], 0.0)
+    volume = content(mapped)
     if not volume > 0:
         raise LinkworkError("nothing of the workspace is reached; map another grid")
-    for name in mapped["reachable"].dims:
-        share = share.integrate(name)
-    return float(share) / volume
+    return integral(mapped["conditioning"].where(mapped["reachable"], 0.0)) / volume

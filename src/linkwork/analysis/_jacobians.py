@@ -32,7 +32,7 @@ from linkwork.checks import amount, reals, shown
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
-from linkwork.mechanism.task import is_length
+from linkwork.mechanism.task import is_length, labels
 from linkwork.model import checks, dexterity, task
 from linkwork.robot import Robot, State
 
@@ -62,8 +62,9 @@ class Jacobians:
 
     @property
     def what(self) -> tuple[str, ...]:
-        """Names of the tool's coordinates: the components of x'."""
-        return self.inverse.what
+        """Names of the tool's coordinates: the components of x'. An azimuth and a tilt together
+        are told as tilt_x, tilt_y, which are regular where the tool is upright."""
+        return labels(self.task)
 
     @cached_property
     def rows(self) -> ca.Function:
@@ -222,7 +223,7 @@ def input_output(
     Args:
         robot: with a tool that is led in as many coordinates as there are actuators.
         state: closed configurations; their rates do not matter.
-        what: coordinates of the tool, as in `square.of_tool`.
+        what: coordinates of the tool, as in `square.of_tool`; x' is of `Jacobians.what`.
     """
     made = jacobians(robot, what)
     q = robot.own(state).q.reshape(-1, robot.equations.nq)

@@ -70,7 +70,10 @@ def content(mapped: xarray.Dataset) -> float:
     mapped: as `workspace` gives it, over at least one axis.
     """
     require_workspace(mapped, "reachable")
-    share = mapped["reachable"]
-    for name in share.dims:
-        share = share.astype(float).integrate(name)
-    return float(share)
+    return integral(mapped["reachable"].astype(float))
+
+
+def integral(values: xarray.DataArray) -> float:
+    """Return the integral over all axes, each from its least coordinate to its largest."""
+    axes = list(values.dims)
+    return float(values.sortby(axes).integrate(axes))
