@@ -12,6 +12,7 @@ from linkwork.analysis._base_parameters import random_motions
 from linkwork.analysis.possible_inertia import PossibleBody
 from linkwork.mechanism.numbers import located
 
+from tests.analysis.mechanisms import cart
 from tests.catalogue import built
 from tests.equations.evaluation import close
 
@@ -79,6 +80,17 @@ def test_identified_masses_are_put_back_into_a_description_that_needs_the_same_f
     assert located(found, "joint_2.friction.viscous")[1] == pytest.approx(9.0, rel=1e-4)
     assert all(np.linalg.eigvalsh(pseudo(body)).min() > 0 for body in found.bodies.values())
     assert lw.Mechanism.parse(found.text) == found
+
+
+def test_dampers_give_what_viscous_friction_lacks():
+    """Described with a damper of 3 N s/m, the cart has one of 1."""
+    described, real = (cart(2.0, 50.0, damping) for damping in (3.0, 1.0))
+    q, v, dv = np.random.default_rng(0).standard_normal((3, 50, 1))
+    forces = real.inverse_dynamics(real.state(q, v), dv)
+    data = analysis.Measured(described.state(q, v), dv, forces)
+    found = analysis.possible(analysis.identify(described, data, ("slide.friction.viscous",)))
+    other = lw.Robot(found)
+    close(other.inverse_dynamics(other.state(q, v), dv), forces, 1e-6)
 
 
 def test_noise_leaves_bodies_possible():

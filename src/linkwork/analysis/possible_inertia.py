@@ -19,7 +19,7 @@ coordinates); Wensing, Kim & Slotine, ibid. 3 (2018) 60-67 (pseudo-inertia).
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -256,9 +256,22 @@ def possible(identification: Identification, *, spread: float = 1.0) -> Mechanis
     kept = {path: text for path, text in mechanism.formulas.items() if path[:7] != "bodies."}
     other = mechanism.model_copy(update={"bodies": made, "formulas": kept})
     of_joints = names[len(bodies) * len(OF_BODIES) :]
-    change = dict(zip(of_joints, scales * found[size:], strict=True))
-    values = {path: max(located(other, path)[1] + float(x), 0.0) for path, x in change.items()}
-    return edited(other, values)
+    change = dict(zip(of_joints, (scales * found[size:]).tolist(), strict=True))
+    return edited(other, effects_after(other, change))
+
+
+def effects_after(mechanism: Mechanism, change: Mapping[str, float]) -> dict[str, float]:
+    """Return the effects of joints after changes, by path, none below zero: viscous friction is
+    told with the damper beside it, which gives what that lacks."""
+    found = {}
+    for path, x in change.items():
+        value = located(mechanism, path)[1] + x
+        found[path] = max(value, 0.0)
+        joint, _, freedom = path.rpartition(".viscous")[0].rpartition(".friction")
+        if joint and value < 0:
+            damper = f"{joint}.spring{freedom}.damping"
+            found[damper] = max(located(mechanism, damper)[1] + value, 0.0)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
