@@ -46,6 +46,27 @@ def test_an_arm_of_two_links():
     assert sum(each.share for each in found.contributions) == pytest.approx(1)
 
 
+@pytest.mark.parametrize("tilt", [0.5, np.pi / 2])
+def test_play_in_the_plane_is_that_of_no_body_s_own_axes(tilt):
+    """Uniform in a circle of the plane, however the first link's frame is turned against it."""
+    body = lw.Body(mass=1, inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
+    back = lw.Frame(rotation=(-tilt, 0, 0))
+    elbow = lw.Frame(position=(1, 0, 0), rotation=(-tilt, 0, 0))
+    described = lw.Mechanism(
+        bodies={"upper": body, "fore": body},
+        joints={
+            "hip": lw.RevoluteJoint(connects=("ground", "upper"), frames=(lw.Frame(), back)),
+            "elbow": lw.RevoluteJoint(connects=("upper", "fore"), frames=(elbow, lw.Frame())),
+        },
+        actuators=("hip", "elbow"),
+        tools={"tip": lw.Tool(body="fore", frame=lw.Frame(position=(0.6, 0, 0)))},
+    )
+    robot = lw.Robot(described)
+    found = error_budget(robot, robot.state([0.3, 0.8]), clearances={"elbow": 1e-3})
+    np.testing.assert_allclose(found.covariance[3:5, 3:5], 2.5e-7 * np.eye(2), atol=1e-15)
+    assert found.worst == pytest.approx(1e-3)
+
+
 def test_what_leads_a_planar_robot_out_of_its_plane_counts_nowhere():
     """A single source's worst case is sqrt(3) of its deviation, as that of a number in -s .. s."""
     robot = arm(1.0, 0.6)

@@ -69,8 +69,8 @@ class ErrorBudget:
     name: of the robot; planar: whether it moves in a plane; tool: positions (..., 3) [m]
     sources: what is inexact
     sensitivities: per source, the tool's [rotation; translation] in the ground's axes per number of
-        the source (..., 6, d) [rad, m over its unit]; of a planar robot in the plane, zero out of
-        it
+        the source, or along its axes (..., 6, d) [rad, m over its unit]; of a planar robot in the
+        plane, zero out of it
     turns: whether the tool is led in its orientation alone, by which sources are ranked then
     """
 
@@ -233,16 +233,25 @@ def error_budget(
     places = {path: free.setdefault(located(robot.mechanism, path)[0], path) for path in wanted}
     freed = robot.free(*(path for path in free.values() if path not in robot.parameters))
     q = freed.state(robot.own(states).positions).q
-    per_number, per_actuator = ToolErrors(freed)(q.reshape(-1, q.shape[-1]))
-    if robot.planar:  # errors are those in the plane
-        per_number[:, OUT_OF_PLANE] = per_actuator[:, OUT_OF_PLANE] = 0.0
-    # Columns of each source.
-    numbers, found = tuple(freed.parameters), []
+    # One after the other all moves of the numbers, which are columns of their sources.
+    numbers = tuple(freed.parameters)
+    moves = np.zeros((len(numbers), sum(source.moves.shape[1] for source in sources)))
+    names, columns = list[str](), list[slice]()
     for source in sources:
+        rows, own = [numbers.index(places[path]) for path in source.numbers], source.moves
+        columns.append(slice(len(names), len(names) + own.shape[1]))
+        moves[rows, columns[-1]] = own
+        names += [source.name] * own.shape[1]
+    errors = ToolErrors(freed, moves, tuple(names))
+    per_move, per_actuator = errors(q.reshape(-1, q.shape[-1]))
+    if robot.planar:  # errors are those in the plane
+        per_move[:, OUT_OF_PLANE] = per_actuator[:, OUT_OF_PLANE] = 0.0
+    found = []
+    for source, own in zip(sources, columns, strict=True):
         if source.kind == "resolution":
             J = per_actuator[:, :, [robot.actuators.index(source.name)]]
         else:
-            J = per_number[:, :, [numbers.index(places[path]) for path in source.numbers]]
+            J = per_move[:, :, own]
         found.append(J.reshape(*states.batch, *J.shape[1:]))
     poses = robot.tool_pose(states)
     tool = np.zeros((*states.batch, 3))

@@ -16,11 +16,13 @@ import numpy as np
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
-from linkwork.mechanism import Mechanism
+from linkwork.mechanism import GROUND, Mechanism
 from linkwork.mechanism.number_patterns import can_be_free, paths_of
 from linkwork.mechanism.numbers import Where, located
 from linkwork.mechanism.parameter_units import unit_of_parameter
 from linkwork.robot import Robot
+
+ALONG = 1e-12  # of a cosine, by which an axis may differ from the one across the plane
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,8 @@ class ErrorSource:
     kind: "tolerance", "clearance" or "resolution"
     size: radius of the ball that it lies in: a tolerance, a clearance, half a resolution [unit]
     numbers: paths of its numbers; none of a drive
+    axes: directions of these in which it lies, orthonormal (d), where these are not all: of play in
+        the plane on a body whose own axes are tilted against it
     """
 
     name: str
@@ -38,11 +42,17 @@ class ErrorSource:
     size: float
     unit: str
     numbers: tuple[str, ...] = ()
+    axes: tuple[tuple[float, ...], ...] = ()
+
+    @property
+    def moves(self) -> np.ndarray:
+        """Steps of its numbers (numbers, d), one by one."""
+        return np.array(self.axes).T if self.axes else np.eye(len(self.numbers))
 
     @property
     def deviation(self) -> float:
-        """Standard deviation of each of its numbers [unit]."""
-        return self.size / np.sqrt(max(len(self.numbers), 1) + 2)
+        """Standard deviation of each of its numbers, or along each of its axes [unit]."""
+        return self.size / np.sqrt(max(self.moves.shape[1], 1) + 2)
 
     def __str__(self) -> str:
         said = {"tolerance": "", "clearance": ", clearance", "resolution": ", resolution"}
@@ -103,10 +113,29 @@ def playing(robot: Robot) -> tuple[str, ...]:
 def clearance(robot: Robot, joint: str, size: float) -> ErrorSource:
     """Return the source that a joint with play is: the offset of its frame on its first body, or on
     its second where formulas place the first."""
-    axes = "xy" if robot.planar else "xyz"
-    sides = [[f"joints.{joint}.frames.{k}.position.{axis}" for axis in axes] for k in (0, 1)]
-    free = [paths for paths in sides if can_be_free(robot.mechanism, paths)]
-    return ErrorSource(joint, "clearance", size, "m", tuple((free or sides)[0]))
+    sides = [offsets(robot, joint, k) for k in (0, 1)]
+    free = [side for side in sides if can_be_free(robot.mechanism, [*side[0]])]
+    paths, axes = (free or sides)[0]
+    return ErrorSource(joint, "clearance", size, "m", paths, axes)
+
+
+def offsets(
+    robot: Robot, joint: str, side: int
+) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
+    """Return the paths of the position of a joint's frame on one of its bodies, and the directions
+    in which it may be off where these are not all: in the plane where the robot is planar."""
+    path = f"joints.{joint}.frames.{side}.position"
+    paths = tuple(f"{path}.{axis}" for axis in "xyz")
+    if not robot.planar:
+        return paths, ()
+    # Of the body's axes, one may be across the plane.
+    body = robot.mechanism.pairs[joint].connects[side]
+    across = np.eye(3)[2] if body == GROUND else robot.body_poses(robot.home)[body][1][2]
+    axis = int(np.argmax(np.abs(across)))
+    if abs(across[axis]) > 1 - ALONG:
+        return (*paths[:axis], *paths[axis + 1 :]), ()
+    inside = np.linalg.svd(across[None])[2][1:]
+    return paths, tuple(tuple(each.tolist()) for each in inside)
 
 
 def sizes_of(

@@ -207,7 +207,7 @@ class PoseModel:
         refuse_loose(self.robot, A)
         opened = np.concatenate([out["phi_p"], out["a_p"]], axis=1) / self.heights
         w = -np.linalg.pinv(A, rcond=DEPENDENT) @ opened
-        refuse_open(self.robot, A @ w + opened, opened)
+        refuse_open(self.robot, A @ w + opened, opened, tuple(self.robot.parameters))
         w = w * self.robot.equations.tree.rate_units[:, None]
         parts = [out["J_z"] @ w + out["z_p"]]
         if self.rows:

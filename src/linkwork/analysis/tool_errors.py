@@ -10,6 +10,7 @@ tool's [rotation; translation] in the ground's axes [rad, m].
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -32,9 +33,14 @@ OPENED = 1e-6  # gap that stays, over what opened it
 @dataclass(frozen=True, eq=False)
 class ToolErrors:
     """Evaluate d(tool)/dp and d(tool)/da of a robot with free numbers, many configurations at a
-    time."""
+    time.
+
+    moves: steps of the free numbers (np, k), one by one; names: what each of these is (k)
+    """
 
     robot: Robot
+    moves: np.ndarray
+    names: tuple[str, ...]
 
     @cached_property
     def kernel(self) -> Kernel:
@@ -61,8 +67,8 @@ class ToolErrors:
         )
 
     def __call__(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the tool's [rotation; translation] per free number (N, 6, np) and per coordinate
-        of the actuators (N, 6, n), for closed configurations q (N, nq).
+        """Return the tool's [rotation; translation] per move (N, 6, k) and per coordinate of the
+        actuators (N, 6, n), for closed configurations q (N, nq).
 
         Raises:
             LinkworkError: a configuration at which the actuators do not hold the tool; a number
@@ -82,6 +88,8 @@ class ToolErrors:
             np.swapaxes(part.reshape(len(q), *shape[::-1]), -1, -2)
             for part, shape in zip(self.kernel(q), shapes, strict=True)
         )
+        phi_p, a_p, x_p = (part @ self.moves for part in (phi_p, a_p, x_p))
+        moves = self.moves.shape[1]
         # In own units, and rows and columns of length 1: rates by the tree's units, rows by theirs.
         heights = np.concatenate([equations.rows.units, self.actuated_units])[:, None]
         widths = equations.tree.rate_units
@@ -91,10 +99,10 @@ class ToolErrors:
         right = np.concatenate([-opened, np.broadcast_to(led, (len(q), *led.shape))], axis=2)
         refuse_loose(self.robot, A, first)
         w = np.linalg.pinv(A, rcond=DEPENDENT) @ right
-        refuse_open(self.robot, A @ w - right, right)
+        refuse_open(self.robot, A @ w - right, right, self.names)
         dx = (J_x * widths) @ w
-        dx[:, :, :free] += x_p
-        return dx[:, :, :free], dx[:, :, free:]
+        dx[:, :, :moves] += x_p
+        return dx[:, :, :moves], dx[:, :, moves:]
 
     @property
     def actuated_units(self) -> np.ndarray:
@@ -119,15 +127,16 @@ def refuse_loose(robot: Robot, A: np.ndarray, first: int = 0) -> None:
             )
 
 
-def refuse_open(robot: Robot, left: np.ndarray, right: np.ndarray) -> None:
+def refuse_open(robot: Robot, left: np.ndarray, right: np.ndarray, names: Sequence[str]) -> None:
     """Refuse numbers that open loops which no joint can close again.
 
-    left: gaps that stay, of each number (N, rows, np and more); right: what opened them
+    left: gaps that stay, of each number (N, rows, k and more); right: what opened them; names: of
+    these (k)
     """
     gaps, sizes = np.abs(left).max(axis=(0, 1)), np.abs(right).max(axis=(0, 1))
     beyond = np.flatnonzero(gaps > OPENED * sizes)
     if beyond.size:
-        path = tuple(robot.parameters)[beyond[0]]
+        path = names[beyond[0]]
         if not robot.redundant:
             raise LinkworkError(
                 f"where {path!r} is off, the loops do not close, for a pose is singular there or "
