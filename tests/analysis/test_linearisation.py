@@ -262,6 +262,19 @@ def test_outputs_and_forces_of_the_tool_are_those_of_its_task(name, what):
     assert model.inputs == ("tool " + names[0], *robot.actuators) and model.outputs == (*outputs,)
 
 
+def test_a_component_of_the_rotation_vector_is_one_whatever_forces_are_asked_for():
+    """All three among the outputs are turns; one of them is not, though the others are inputs."""
+    robot = built("agile_wrist")
+    turn = np.array([0.3, -0.4, 0.5])
+    state = robot.assemble(tool=robot.task_values(robot.home) + turn)
+    outputs, J = ("tool rx", "tool rx rate"), robot.jacobian(state, ("rx",))[0]
+    for inputs in (("tool ry", "tool rz"), robot.actuators):
+        model = linearise(robot, state, outputs=outputs, inputs=inputs)
+        np.testing.assert_allclose(model.C[0, :3], J, rtol=1e-12)
+    pushed = linearise(robot, state, outputs=("tool ry", "tool rz"), inputs=("tool rx",)).B[3:, 0]
+    np.testing.assert_allclose(robot.mass_matrix(state) @ pushed, J, rtol=1e-9)
+
+
 def test_forces_on_the_tool_press_on_what_rubs():
     """m a = t.f - mu (m g cos A - n.f) - m g sin A of a block that slides up a slope A, t along it,
     n across."""

@@ -131,7 +131,8 @@ def linearise(
             ry, rz together turns and angular velocity); the independent coordinates and rates if
             left out.
         inputs: names of actuators, and "tool z" for the force that works on that task coordinate
-            alone [N, N m]; the actuators if left out.
+            alone [N, N m] (where all of rx, ry, rz are among them moments); the actuators if left
+            out.
 
     Raises:
         LinkworkError: a stack of states, unknown names, forces of wrong size, a singular
@@ -164,9 +165,9 @@ def linearise(
 @dataclass(frozen=True, eq=False)
 class Led:
     """Hold what task coordinates are at a state, by name: the rows J and d(J v)/d xi (k, n) of
-    outputs, and the accelerations d v'/d f (k, n) that forces on inputs bring."""
+    outputs, and the accelerations d v'/d f (k, n) that forces on inputs bring, with their units."""
 
-    rows: dict[str, tuple[np.ndarray, np.ndarray]]
+    rows: dict[str, np.ndarray]
     pushed: dict[str, np.ndarray]
     units: dict[str, float]
 
@@ -180,34 +181,42 @@ class Led:
         inputs: Sequence[str],
     ) -> Led:
         """Return those that outputs and inputs speak of."""
-        named = (name.removesuffix(" rate") for name in (*outputs, *inputs))
-        names = tuple(dict.fromkeys(name for name in named if name.startswith(TOOL)))
-        names = tuple(name for name in names if name not in robot.rates)
-        if not names:
-            return cls({}, {}, {})
-        own = tuple(name.removeprefix(TOOL) for name in names)
-        asked = task.known(robot, own)
-        # Their rows, and what forces on them do.
         equations = ordered(robot, robot.chart_of(state), state.q).equations
-        function = row_derivatives(equations, task_rows(equations, asked))
-        J, J_xi = (np.array(part) for part in function(state.q, state.rates, robot.p))
-        if not np.isfinite(J).all() or not np.isfinite(J_xi).all():
-            raise LinkworkError(
-                f"some of the tool's {', '.join(own)} have no rate at this pose; choose others"
-            )
-        pushed = {}
-        if {*inputs} & {*names}:
+        rows, pushed, units = {}, {}, {}
+        named = tuple(name.removesuffix(" rate") for name in outputs)
+        if names := led_by(robot, named):
+            asked = task.known(robot, tuple(names.values()))
+            function = row_derivatives(equations, task_rows(equations, asked))
+            parts = np.array(function(state.q, state.rates, robot.p))
+            rows = dict(zip(names, defined(parts, names).swapaxes(0, 1), strict=True))
+        if names := led_by(robot, inputs):
+            asked, length = task.known(robot, tuple(names.values())), robot.equations.tree.length
             response = tool_responses(equations, asked)(state.q, state.rates, u, robot.p)
-            pushed = dict(zip(names, np.array(response).T, strict=True))
-        length = robot.equations.tree.length
-        sizes = [1 / length if is_length(item) else 1.0 for item in asked]
-        rows = dict(zip(names, zip(J, J_xi, strict=True), strict=True))
-        return cls(rows, pushed, dict(zip(names, sizes, strict=True)))
+            pushed = dict(zip(names, defined(np.array(response).T, names), strict=True))
+            sizes = [1 / length if is_length(item) else 1.0 for item in asked]
+            units = dict(zip(names, sizes, strict=True))
+        return cls(rows, pushed, units)
 
     def unit(self, name: str) -> float:
         """Return the mechanism's own unit of a force on a task coordinate, but for mass and
         time."""
         return self.units.get(name, 1.0)
+
+
+def led_by(robot: Model, names: Sequence[str]) -> dict[str, str]:
+    """Return the task coordinates among outputs or inputs, by the names of these."""
+    found = (name for name in names if name.startswith(TOOL) and name not in robot.rates)
+    return {name: name.removeprefix(TOOL) for name in found}
+
+
+def defined(values: np.ndarray, names: Mapping[str, str]) -> np.ndarray:
+    """Return what task coordinates have at a pose; refuse those that have no rate there."""
+    if not np.isfinite(values).all():
+        raise LinkworkError(
+            f"some of the tool's {', '.join(names.values())} have no rate at this pose; choose "
+            "others"
+        )
+    return values
 
 
 def input_column(robot: Model, B: np.ndarray, led: Led, name: str) -> np.ndarray:
