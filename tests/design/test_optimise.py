@@ -70,6 +70,19 @@ def test_a_drive_gets_as_stiff_as_masses_allow():
     assert found.after == pytest.approx(np.sqrt(800 / 1.5) / (2 * np.pi), rel=1e-6)
 
 
+def test_frequencies_are_those_of_forces_with_a_potential():
+    """Moments of actuators about axes that turn with an arm hold it, and their stiffness is not
+    symmetric."""
+    body = lw.Body(mass=2, centre_of_mass=(0.1, 0, -0.3), inertia=lw.Inertia(xx=0.1, yy=1, zz=1))
+    ball = lw.SphericalJoint(connects=("ground", "arm"))
+    drives, tools = ball.rates("ball"), {"end": lw.Tool(body="arm")}
+    robot = lw.Robot(
+        lw.Mechanism(bodies={"arm": body}, joints={"ball": ball}, actuators=drives, tools=tools)
+    )
+    with pytest.raises(lw.LinkworkError, match="the stiffness is not symmetric here"):
+        design.Frequency([[0.9, 0.5, 0.3]], dict.fromkeys(drives, 30.0)).value(robot)
+
+
 def test_a_robot_of_three_legs_under_a_bound():
     """The 3-PRR: less force with a bound of isotropy, which holds to the digit; designs beside it
     that keep the bound need more force, as the robot itself tells."""

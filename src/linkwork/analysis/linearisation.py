@@ -128,19 +128,23 @@ def natural_modes(
             f"{largest(residual):.3g}; find one by analysis.equilibrium, or give the forces that "
             "hold it"
         )
-    refuse_circulation(robot, np.linalg.solve(M, (K - K.T) / 2) * units / units[:, None], usual)
+    refuse_circulation(robot, state, M, K, usual)
     squares = np.where(np.abs(squares) < INDIFFERENT * max(fall, largest(squares)), 0.0, squares)
     frequencies = np.sign(squares) * np.sqrt(np.abs(squares)) / (2 * np.pi)
     joints = robot.rate_map(state) @ shapes
     return NaturalModes(frequencies, shapes, joints, M, K, state.independent, robot.rates)
 
 
-def refuse_circulation(robot: Robot, skew: np.ndarray, usual: float) -> None:
+def refuse_circulation(
+    robot: Robot, state: State, M: np.ndarray, K: np.ndarray, usual: float
+) -> None:
     """Refuse a stiffness without symmetry: wind, thrust, and moments of actuators that turn about
     no fixed axis have no potential.
 
-    skew: M^-1 (K - K') / 2 in own units; usual: size of M^-1 K [1/s^2]
+    usual: size of M^-1 K [1/s^2]
     """
+    units = own_rates(robot, state)
+    skew = np.linalg.solve(M, (K - K.T) / 2) * units / units[:, None]
     lines, lengths = robot.mechanism.transmissions, Combination | Cable | SliderCrank
     even = [name for name, line in lines.items() if isinstance(line, lengths)]
     led = {*robot.actuators} - {*robot.coordinates, *even}

@@ -27,13 +27,14 @@ from numpy.typing import ArrayLike
 from linkwork import checks
 from linkwork.analysis import dexterity
 from linkwork.analysis._jacobians import jacobians
-from linkwork.analysis.linearisation import stiffness_matrix
+from linkwork.analysis.linearisation import refuse_circulation, stiffness_matrix
 from linkwork.checks import amount
 from linkwork.design.judged_poses import JudgedPoses, PoseEquations
 from linkwork.equations.linear import derivatives
 from linkwork.errors import LinkworkError
 from linkwork.export import CasadiFunctions
 from linkwork.export.implicit import require_leading
+from linkwork.model.linear import largest
 from linkwork.model.state import Motion
 from linkwork.paths import Path
 from linkwork.robot import Robot, State
@@ -209,9 +210,13 @@ class Frequency(Measure):
         for k in range(len(states.q)):
             state = states.at(k)
             L = robot.rate_map(state)[rows]
-            K = stiffness_matrix(robot, state, robot.holding_forces(state))
-            K = (K + K.T) / 2 + L.T @ (values[:, None] * L)
-            lowest.append(eigh(K, robot.mass_matrix(state), eigvals_only=True)[0])
+            M, K = (
+                robot.mass_matrix(state),
+                stiffness_matrix(robot, state, robot.holding_forces(state)),
+            )
+            squares = eigh((K + K.T) / 2 + L.T @ (values[:, None] * L), M, eigvals_only=True)
+            refuse_circulation(robot, state, M, K, largest(squares))
+            lowest.append(squares[0])
         square = float(min(lowest))
         return float(np.sign(square) * np.sqrt(abs(square)) / (2 * pi))
 
