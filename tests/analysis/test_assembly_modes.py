@@ -21,6 +21,26 @@ VERTICES = ((0.0, 0.0), (SIDES[0], 0.0), (SIDES[1] * np.cos(TURN), SIDES[1] * np
 LENGTHS = (14.98, 15.38, 12.0)
 
 
+@pytest.mark.parametrize("driven", ["turn", "belt"])
+def test_an_arm_under_a_lift_has_its_elbow_on_either_side(driven):
+    """z = lift, x = cos turn, by a motor on the hinge or by a belt over it."""
+    arm = lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
+    described = lw.Mechanism(
+        bodies={"car": arm, "arm": arm},
+        joints={
+            "lift": lw.PrismaticJoint(connects=("ground", "car")),
+            "turn": lw.RevoluteJoint(connects=("car", "arm")),
+        },
+        transmissions={"belt": lw.Combination(ratios={"turn": 0.1})} if driven == "belt" else {},
+        actuators=("lift", driven),
+        tools={"tip": lw.Tool(body="arm", frame=lw.Frame(position=(1, 0, 0)), task=("x", "z"))},
+        reference={"turn": 0.7},
+    )
+    modes = working_modes(lw.Robot(described), [0.6, 0.2])
+    np.testing.assert_allclose(np.cos(modes.states["turn"]), [0.6, 0.6])
+    assert abs(np.sin(modes.states["turn"]).sum()) < 1e-9
+
+
 def test_dietmaier_s_platform_has_forty_assembly_modes():
     robot = dietmaier()
     modes = assembly_modes(

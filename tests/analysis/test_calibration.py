@@ -240,6 +240,33 @@ def test_estimates_scatter_as_their_deviations_say(rpr):
         assert low < np.sum(values) < high
 
 
+def test_lengths_of_belts_are_readings():
+    """Two belts over a bridge and the head on it, the drives' sum and difference of x and y."""
+    body = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.1))
+    across = (lw.Frame.planar(0.1, 0.0), lw.Frame())
+    described = lw.Mechanism(
+        bodies={"bridge": body, "head": body},
+        joints={
+            "x": lw.PrismaticJoint(connects=("ground", "bridge"), axis=(1, 0, 0)),
+            "y": lw.PrismaticJoint(connects=("bridge", "head"), axis=(0, 1, 0), frames=across),
+        },
+        transmissions={
+            f"belt_{sign}": lw.Combination(ratios={"x": 1.0, "y": sign}) for sign in (1, -1)
+        },
+        actuators=("belt_1", "belt_-1"),
+        tools={"tool": lw.Tool(body="head", task=("x", "y"))},
+        gravity=(0, 0, 0),
+    )
+    robot = lw.Robot(described).free("belt_1.ratios.x")
+    states = robot.state(np.random.default_rng(0).uniform(-0.3, 0.3, (9, 2)))
+    x, y = (np.array(states[name]) for name in "xy")
+    # The first belt really counts x 1.02 times.
+    moved = (2 * x) / 2.02
+    seen = np.stack([moved + 0.1, moved - x + y, 0 * x], axis=1)
+    found = analysis.calibrate(robot, analysis.MeasuredPoses(states, seen))
+    assert found.values["belt_1.ratios.x"] == pytest.approx(1.02, abs=1e-12)
+
+
 def test_noise_that_is_not_stated_is_estimated(rpr):
     robot, near = rpr
     truth = errors(robot, 1e-3, 4)

@@ -157,7 +157,7 @@ def working_modes(
     seed: int = 0,
 ) -> Modes:
     """Find the working modes: all real solutions of the inverse kinematics, told apart by the
-    actuated joints.
+    actuated joints, or by the poses of all bodies where actuators are no joints.
 
     Args:
         robot: its closed loops are solved.
@@ -183,7 +183,8 @@ def working_modes(
         asked = checks.finite(asked, "the tool's pose")
     assert square.asked is not None
     asked = square.asked.given(asked)
-    return search(square, asked, by_actuators if robot.actuators else by_bodies, starts, seed)
+    told = robot.actuators and {*robot.actuators} <= {*robot.coordinates}
+    return search(square, asked, by_actuators if told else by_bodies, starts, seed)
 
 
 def actuated(robot: Robot) -> tuple[str, ...]:
@@ -382,9 +383,7 @@ def tool_kernel(robot: Robot) -> Kernel:
 def by_actuators(square: Square, q: np.ndarray) -> np.ndarray:
     """Return the actuated coordinates (N, d), angles by their cosines and sines."""
     robot = square.robot
-    places = [
-        robot.coordinates.index(name) for name in robot.actuators if name in robot.coordinates
-    ]
+    places = [robot.coordinates.index(name) for name in robot.actuators]
     values, angular = robot.kernel("positions")(q)[0][:, places], robot.labels.angular[places]
     turns = values[:, angular]
     slides = values[:, ~angular] / square.equations.tree.length

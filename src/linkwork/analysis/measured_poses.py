@@ -20,9 +20,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from linkwork.analysis.tool_errors import axial, refuse_loose, refuse_open, require_held
+from linkwork.analysis.tool_errors import (
+    axial,
+    refuse_loose,
+    refuse_open,
+    refuse_without_coordinate,
+    require_held,
+)
 from linkwork.checks import finite, known, needed, positive, shown
-from linkwork.equations import body_motion, functions
+from linkwork.equations import Equations, body_motion, functions
 from linkwork.equations.algebra import SX
 from linkwork.equations.reference import unit
 from linkwork.errors import LinkworkError
@@ -319,14 +325,19 @@ def spatial(robot: Robot, tool: np.ndarray) -> np.ndarray:
 
 
 def readings_of(robot: Robot, states: State) -> tuple[np.ndarray, np.ndarray]:
-    """Return q (N, nq) and the actuators' coordinates (N, n) of measured states."""
+    """Return q (N, nq) and the actuators' coordinates (N, n), lengths of transmissions too, of
+    measured states."""
     if not isinstance(states, State):
         raise LinkworkError(
             f"the states are {shown(states)}; give a stack of states, as robot.assemble makes"
         )
-    q = robot.state(states.positions).q
+    q = finite(robot.state(states.positions).q, "the states")
     if q.ndim != 2:
         raise LinkworkError("the states are no stack (N) of states; give one for each sample")
-    positions = finite(states.positions, "the states")
-    places = [robot.coordinates.index(name) for name in robot.actuators]
-    return q, positions[:, places]
+    refuse_without_coordinate(robot)
+
+    def made(equations: Equations) -> ca.Function:
+        a = [equations.joints.position(name) for name in robot.actuators]
+        return functions.function("actuated", equations, {"a": ca.vertcat(SX(0, 1), *a)})
+
+    return q, robot.chart.compiled("actuated coordinates", made).given(robot.p)(q)[0]

@@ -154,10 +154,8 @@ def axial(W: ca.SX) -> ca.SX:
     return ca.vertcat(W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]) / 2
 
 
-def require_held(robot: Robot) -> None:
-    """Refuse a robot whose tool is not held by actuators that are as many as its freedoms."""
-    robot.require_tool()
-    freedoms = robot.mobility - len(robot.spins)
+def refuse_without_coordinate(robot: Robot) -> None:
+    """Refuse actuators that have no coordinate, as those of ball joints and thrust."""
     lines = robot.mechanism.transmissions
     shown = (*robot.coordinates, *(name for name in lines if not isinstance(lines[name], Thrust)))
     loose = [name for name in robot.actuators if name not in shown]
@@ -166,6 +164,13 @@ def require_held(robot: Robot) -> None:
             f"the actuator {loose[0]!r} has no coordinate that could be held; an error of the tool "
             "is told with all actuators held"
         )
+
+
+def require_held(robot: Robot) -> None:
+    """Refuse a robot whose tool is not held by actuators that are as many as its freedoms."""
+    robot.require_tool()
+    freedoms = robot.mobility - len(robot.spins)
+    refuse_without_coordinate(robot)
     if len(robot.actuators) != freedoms:
         raise LinkworkError(
             f"the robot has {amount(len(robot.actuators), 'actuator')} and the mobility "
