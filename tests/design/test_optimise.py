@@ -13,6 +13,7 @@ from linkwork.design.choices import choices
 
 from tests.analysis.mechanisms import arm
 from tests.catalogue import built
+from tests.robot.mixed_freedoms import three_legs
 
 LINKS = ("wrist_*.frames.0.position.x", "link_*.com.x")
 CORNERS = "wrist_*.frames.1.position.[xy]"
@@ -68,6 +69,19 @@ def test_a_drive_gets_as_stiff_as_masses_allow():
     )
     assert found.active == ("cart.mass",)
     assert found.after == pytest.approx(np.sqrt(800 / 1.5) / (2 * np.pi), rel=1e-6)
+
+
+def test_what_points_is_judged_by_where_it_points():
+    """Azimuth and tilt are led as tilt (cos azimuth, sin azimuth), and judged alike."""
+    poses, found = np.array([[0.5, 0.3, 0.2], [0.45, 2.0, 0.3]]), []
+    for task in (("z", "azimuth", "tilt"), ("z", "tilt_x", "tilt_y")):
+        if task[1] == "tilt_x":
+            way = poses[:, 2] * np.exp(1j * poses[:, 1])
+            poses = np.stack([poses[:, 0], way.real, way.imag], axis=1)
+        robot = lw.Robot(three_legs("RRS", task=task))
+        links = {"knee_*.frames.0.position.x": (0.8, 1.3)}
+        found.append(design.optimise(robot, links, design.Isotropy(poses)).after)
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
 
 
 def test_frequencies_are_those_of_forces_with_a_potential():

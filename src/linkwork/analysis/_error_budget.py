@@ -64,13 +64,13 @@ class Contribution:
 
 @dataclass(frozen=True, eq=False)
 class ErrorBudget:
-    """Hold the errors of a tool at states (...), by source; all to first order.
+    """Hold the errors of a tool at states (...), by source; all to first order, in the axes of the
+    ground, or of the body that the tool is relative to.
 
     name: of the robot; planar: whether it moves in a plane; tool: positions (..., 3) [m]
     sources: what is inexact
-    sensitivities: per source, the tool's [rotation; translation] in the ground's axes per number of
-        the source, or along its axes (..., 6, d) [rad, m over its unit]; of a planar robot in the
-        plane, zero out of it
+    sensitivities: per source, the tool's [rotation; translation] per number of the source, or along
+        its axes (..., 6, d) [rad, m over its unit]; of a planar robot in the plane, zero out of it
     turns: whether the tool is led in its orientation alone, by which sources are ranked then
     """
 
@@ -104,8 +104,8 @@ class ErrorBudget:
     @property
     def ellipsoid(self) -> tuple[np.ndarray, np.ndarray]:
         """Half axes (..., 3) [m], largest first, of the ellipsoid of one standard deviation of the
-        position, and their directions, the columns of (..., 3, 3), in the ground's axes; in the
-        plane the third is zero."""
+        position, and their directions, the columns of (..., 3, 3); in the plane the third is
+        zero."""
         values, vectors = np.linalg.eigh(self.covariance[..., 3:, 3:])
         return np.sqrt(np.maximum(values[..., ::-1], 0)), vectors[..., ::-1]
 

@@ -193,9 +193,9 @@ def tool_stiffness(
 
     Returns:
         K_x and C_x (6 x 6), for (rotation, translation) of the tool and wrenches (moment, force)
-        about it, in the ground's axes [N m/rad, N, N/m and their inverses]. K_x is the
-        pseudo-inverse of C_x in the mechanism's own length: stiffness in directions in which the
-        tool cannot move is not told.
+        about it, in the axes of the ground, or of the body that it is relative to [N m/rad, N, N/m
+        and their inverses]. K_x is the pseudo-inverse of C_x in the mechanism's own length:
+        stiffness in directions in which the tool cannot move is not told.
 
     Raises:
         LinkworkError: unknown joints, negative stiffness, joints that leave the robot loose.

@@ -105,12 +105,13 @@ class Isotropy(Measure):
         return float((values.shape[-1] / spread).min())
 
     def points(self, robot: Robot, functions: CasadiFunctions) -> JudgedPoses:
-        made = jacobians(robot)
+        made, equations = jacobians(robot), robot.equations
         x_scale, q_scale = (ca.DM(part) for part in made.lengths())
         of = PoseEquations.of(robot)
         q, p, t = of.q, of.p, of.t
-        J, S = functions["jacobian"](q, p)[0], functions["actuation"](q, p)[0]
-        J, S = ca.diag(x_scale) @ J, ca.diag(q_scale) @ S
+        led = ca.mtimes(made.inverse.J, equations.elimination.L)
+        J = ca.Function("led", [equations.tree.q, equations.p], [led])(q, p)
+        J, S = ca.diag(x_scale) @ J, ca.diag(q_scale) @ functions["actuation"](q, p)[0]
         K, inverse = S @ ca.inv(J), J @ ca.inv(S)
         worth = robot.mobility / ca.sqrt(ca.sumsqr(K) * ca.sumsqr(inverse))
         return of.judged(self.states(robot), worth - t)
