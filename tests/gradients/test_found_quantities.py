@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from functools import partial
+from types import SimpleNamespace
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import linkwork as lw
 from linkwork import math
 from linkwork.control import Event, Sampler, Wrench
+from linkwork.gradients.conditioning import Conditioning
 
 from tests.gradients.test_runs import CART, FIXED, GAINS, TIGHT, derivative, led, moved
+from tests.robot.mixed_freedoms import three_legs
 
 
 @pytest.mark.parametrize(
@@ -43,6 +47,17 @@ def test_conditioning(name, freed, shift):
     weights = np.random.default_rng(0).normal(size=len(run.time))
     back = run.gradient({"conditioning": weights})
     assert [*back.values()] == pytest.approx(weights @ told.values, rel=1e-11, abs=1e-13 * size)
+
+
+def test_what_points_is_conditioned_by_what_it_is_held_by():
+    """s_k / s_1 of K is what the robot tells, by tilt (cos azimuth, sin azimuth)."""
+    robot = lw.Robot(three_legs("RRS", task=("z", "azimuth", "tilt")))
+    state = robot.assemble(tool=[0.5, 0.3, 0.2])
+    equations = robot.equations
+    K = Conditioning(robot)(SimpleNamespace(equations=equations))  # pyright: ignore
+    values = ca.Function("K", [equations.tree.q, equations.p], [K])(state.q, robot.p)
+    s = np.linalg.svd(np.array(values).reshape(3, 3), compute_uv=False)
+    assert s[-1] / s[0] == pytest.approx(float(robot.conditioning(state)), rel=1e-9)
 
 
 def test_conditioning_where_all_directions_are_alike():

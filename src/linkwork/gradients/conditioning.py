@@ -24,6 +24,7 @@ import numpy as np
 
 from linkwork.control.joined import Joined
 from linkwork.equations.symmetric import solve_symmetric
+from linkwork.equations.task import held_task
 from linkwork.model.asked import mapped_rows
 from linkwork.model.dexterity import actuated, characteristic_length, scales
 from linkwork.model.task import Task, freedoms, task_if_any
@@ -42,10 +43,11 @@ class Conditioning:
 
     @cached_property
     def task(self) -> Task:
-        """The task that it is told by; none where this has a single coordinate at most."""
+        """The coordinates that it is told by, those that the task is held by; none where this has a
+        single one at most."""
         robot = self.robot
         task = (task_if_any(robot, near=False) if robot.mechanism.tools else None) or ()
-        return task if len(task) > 1 else ()
+        return held_task(task) if len(task) > 1 else ()
 
     @cached_property
     def scales(self) -> tuple[np.ndarray, np.ndarray]:
