@@ -38,6 +38,30 @@ def test_a_motor_holds_the_pendulum_at_its_angle():
     assert found.stable
 
 
+def test_a_belt_and_a_fan_hold_a_pendulum():
+    """Where m g l cos q = the torque: what the belt does has a potential, and the fan's thrust has
+    none."""
+    arm_of = lw.Body(mass=1.0, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(zz=0.1))
+    lines = {
+        "belt": lw.Combination(ratios={"hinge": 0.1}),
+        "fan": lw.mechanism.Thrust(body="arm", force=(0, 5, 0), point=(1, 0, 0)),
+    }
+    described = lw.Mechanism(
+        bodies={"arm": arm_of},
+        joints={"hinge": lw.RevoluteJoint(connects=("ground", "arm"))},
+        transmissions=lines,
+        actuators=("belt", "fan"),
+        gravity=(0, -G, 0),
+    )
+    robot = lw.Robot(described)
+    held = equilibrium(robot, {"belt": 20.0}, guess=robot.state([1.0]))
+    assert held.stable and held.state["hinge"] == pytest.approx(-np.arccos(2.0 / (0.5 * G)))
+    with pytest.raises(lw.LinkworkError, match="what fan exert has no potential; take stable=F"):
+        equilibrium(robot, {"fan": 0.5}, guess=robot.state([1.0]))
+    found = equilibrium(robot, {"fan": 0.5}, guess=robot.state([1.0]), stable=False)
+    assert np.cos(found.state["hinge"]) == pytest.approx(2.5 / (0.5 * G))
+
+
 def test_two_links_have_four_equilibria_of_which_one_is_stable():
     found = equilibria(arm(1.0, 0.6))
     angles = {

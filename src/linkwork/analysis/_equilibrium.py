@@ -26,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.analysis.actuated_coordinates import actuated_coordinates, with_coordinate
 from linkwork.analysis.newton import random_configurations, solver
 from linkwork.analysis.square import of_joints
 from linkwork.checks import MOST, count, needed, random_numbers, reals, shown, switch
@@ -88,8 +89,8 @@ def equilibrium(
         forces: u (actuators) [N, N m], or by name (others zero); zero if left out.
         guess: where to start; `home` if left out.
         stable: look for a stable equilibrium, downhill from the guess; if not, for the nearest one
-            of any kind. In the wind of a fluid, whose forces have no potential, downhill may lead
-            nowhere.
+            of any kind. In the wind of a fluid, and under thrust or moments of ball joints, whose
+            forces have no potential, downhill may lead nowhere.
 
     Raises:
         LinkworkError: no equilibrium is found from this guess.
@@ -113,6 +114,8 @@ def equilibrium(
     other = "choose another guess, or other forces"
     if stable and in_wind(robot.mechanism):
         other = "in the fluid's wind, which has no potential, take stable=False"
+    elif stable and (led := {*robot.actuators} - {*with_coordinate(robot)}):
+        other = f"what {', '.join(sorted(led))} exert has no potential; take stable=False"
     raise LinkworkError(
         f"no {'stable ' if stable else ''}equilibrium is found from this guess: "
         f"{abs(force[worst]):.3g} stays unbalanced on {state.independent[worst]}; {other}"
@@ -230,11 +233,8 @@ def moved(
 
 def potential(robot: Robot, state: State, u: np.ndarray) -> float:
     """Return the potential energy of weight, springs and constant actuator forces [J]."""
-    actuated = [
-        robot.coordinates.index(name) for name in robot.actuators if name in robot.coordinates
-    ]
-    driven = [k for k, name in enumerate(robot.actuators) if name in robot.coordinates]
-    return float(robot.energy(state)[1] - u[driven] @ state.positions[actuated])
+    driven = [robot.actuators.index(name) for name in with_coordinate(robot)]
+    return float(robot.energy(state)[1] - u[driven] @ actuated_coordinates(robot, state.q))
 
 
 def shifted(robot: Robot, state: State, xi: np.ndarray) -> State | None:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from linkwork.analysis.actuated_coordinates import actuated_coordinates
 from linkwork.analysis.tool_errors import (
     axial,
     refuse_loose,
@@ -28,7 +29,7 @@ from linkwork.analysis.tool_errors import (
     require_held,
 )
 from linkwork.checks import finite, known, needed, positive, shown
-from linkwork.equations import Equations, body_motion, functions
+from linkwork.equations import body_motion, functions
 from linkwork.equations.algebra import SX
 from linkwork.equations.reference import unit
 from linkwork.errors import LinkworkError
@@ -335,9 +336,4 @@ def readings_of(robot: Robot, states: State) -> tuple[np.ndarray, np.ndarray]:
     if q.ndim != 2:
         raise LinkworkError("the states are no stack (N) of states; give one for each sample")
     refuse_without_coordinate(robot)
-
-    def made(equations: Equations) -> ca.Function:
-        a = [equations.joints.position(name) for name in robot.actuators]
-        return functions.function("actuated", equations, {"a": ca.vertcat(SX(0, 1), *a)})
-
-    return q, robot.chart.compiled("actuated coordinates", made).given(robot.p)(q)[0]
+    return q, actuated_coordinates(robot, q)

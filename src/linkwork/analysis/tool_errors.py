@@ -17,12 +17,12 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from linkwork.analysis.actuated_coordinates import with_coordinate
 from linkwork.analysis.square import scaled
 from linkwork.checks import amount
 from linkwork.equations import body_motion, functions
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
-from linkwork.mechanism import Thrust
 from linkwork.robot import Robot
 
 CHUNK = 256  # states at a time
@@ -156,12 +156,10 @@ def axial(W: ca.SX) -> ca.SX:
 
 def refuse_without_coordinate(robot: Robot) -> None:
     """Refuse actuators that have no coordinate, as those of ball joints and thrust."""
-    lines = robot.mechanism.transmissions
-    shown = (*robot.coordinates, *(name for name in lines if not isinstance(lines[name], Thrust)))
-    loose = [name for name in robot.actuators if name not in shown]
+    loose = {*robot.actuators} - {*with_coordinate(robot)}
     if loose:
         raise LinkworkError(
-            f"the actuator {loose[0]!r} has no coordinate that could be held; an error of the tool "
+            f"the actuator {min(loose)!r} has no coordinate that could be held; an error of the tool "
             "is told with all actuators held"
         )
 
