@@ -159,8 +159,8 @@ def refuse_without_coordinate(robot: Robot) -> None:
     loose = {*robot.actuators} - {*with_coordinate(robot)}
     if loose:
         raise LinkworkError(
-            f"the actuator {min(loose)!r} has no coordinate that could be held; an error of the tool "
-            "is told with all actuators held"
+            f"the actuator {min(loose)!r} has no coordinate that could be held; an error of the "
+            "tool is told with all actuators held"
         )
 
 
