@@ -151,6 +151,25 @@ def test_joint_limits_cut_the_workspace():
     assert np.isnan(held.conditioning.values[~held.reachable.values]).all()
 
 
+def test_whole_turns_of_hinges_keep_limits_and_those_of_threads_do_not():
+    hinged, grid = arm(), plane(9, (-1.3, -1.3), (1.3, 1.3))
+    free = workspace(hinged, grid).reachable.values
+    for limits in ((0, 2 * np.pi), (-1, 8.0), (2 * np.pi, 4 * np.pi)):
+        held = workspace(hinged, grid, limits={"hinge_1": limits}).reachable.values
+        np.testing.assert_array_equal(held, free)
+    thread = lw.ScrewJoint(connects=("ground", "nut"), pitch=0.01)
+    nut = lw.Body(mass=1, inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
+    tools = {"tip": lw.Tool(body="nut", task=("z",))}
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"nut": nut}, joints={"thread": thread}, actuators=("thread",), tools=tools
+        )
+    )
+    mapped = workspace(robot, {"z": np.arange(10) * thread.pitch}, limits={"thread": (0, 7.5)})
+    turns = mapped.actuator_position.values[:, 0]
+    np.testing.assert_allclose(turns, [*range(8), np.nan, np.nan], atol=1e-9)
+
+
 def test_isotropic_velocity_and_force_are_what_the_worst_direction_allows():
     robot = built("prr3")
     rates, forces = np.array([0.5, 1.0, 2.0]), np.array([10.0, 20.0, 5.0])

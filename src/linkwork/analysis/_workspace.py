@@ -35,7 +35,14 @@ from numpy.typing import ArrayLike
 
 from linkwork.analysis._jacobians import Jacobians, jacobians
 from linkwork.analysis.all_rows import all_rows
-from linkwork.analysis.grid_branches import DIRECT, GridBranch, actuated, led, tells_all
+from linkwork.analysis.grid_branches import (
+    DIRECT,
+    GridBranch,
+    actuated,
+    led,
+    tells_all,
+    turns_alone,
+)
 from linkwork.analysis.grid_steps import aside, beside, neighbours, one_of
 from linkwork.analysis.newton import (
     CHUNK,
@@ -98,16 +105,16 @@ def workspace(
             increasing or decreasing sequence, or one number.
         guess: a state on the working mode; `home` if left out.
         limits: lower and upper bounds of joint coordinates by name [m, rad], beside those in the
-            description.
+            description; such angles keep them where one of their whole turns does.
         rates: largest actuator rates [m/s, rad/s], for the isotropic velocity.
         forces: largest actuator forces [N, N m], for the isotropic force.
         length: characteristic length l [m]; that of `Jacobians.characteristic_length` if left out.
 
     Returns:
         A dataset over the coordinates that are sequences: reachable; actuator_position [m, rad],
-            angles within half a turn
-        of home's; conditioning; det_A, det_B over their values at the reference; isotropic_velocity
-        [m/s], isotropic_turn_rate [rad/s], isotropic_force [N], isotropic_moment [N m] where rates
+        angles that may turn once more with all bodies where they are within half a turn of home's;
+        conditioning; det_A, det_B over their values at the reference; isotropic_velocity [m/s],
+        isotropic_turn_rate [rad/s], isotropic_force [N], isotropic_moment [N m] where rates
         and forces are given. What is out of reach is NaN. Its attrs say what was computed, in
         `message` how much is reached.
 
@@ -316,7 +323,8 @@ def bounds(
 
 
 def within(robot: Robot, q: np.ndarray, limits: list[tuple[str, float, float]]) -> np.ndarray:
-    """Tell which configurations (N, nq) keep the bounds; angles may differ by whole turns."""
+    """Tell which configurations (N, nq) keep the bounds; angles that turn alone may differ by whole
+    turns."""
     inside = np.ones(len(q), bool)
     if not limits:
         return inside
@@ -325,8 +333,10 @@ def within(robot: Robot, q: np.ndarray, limits: list[tuple[str, float, float]]) 
         values = positions[:, robot.coordinates.index(label)]
         if label.endswith(".qw") and robot.unit(label) == "1":
             values = 2 * np.arccos(np.clip(np.abs(values), 0, 1))
-        elif robot.unit(label) == "rad" and upper - lower < 2 * np.pi:
-            middle = (lower + upper) / 2
+        elif robot.once(turns_alone, label):
+            # Beyond a limit on one side alone every angle is, after some turns.
+            if not np.isfinite(middle := (lower + upper) / 2):
+                continue
             values = middle + wrapped(values - middle)
         inside &= (values >= lower) & (values <= upper)
     return inside

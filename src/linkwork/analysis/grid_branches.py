@@ -41,6 +41,7 @@ TIGHT, FLOOR = 0.25, 1e-7  # part of a step, and own units, by which the rule ma
 LONGEST = 0.3  # step, in own units
 SHORTER = 0.25  # part of a way across cells that is the longest step
 ROUNDS, FINEST = 60, 1 / 256  # steps of a way, tried ones too, and the part of it that is shortest
+ALIKE = 1e-9  # in own units, by which poses may differ that are one
 MEET = 0.01  # part of a determinant where a way begins that is none: branches meet
 STEPS = 6  # of Newton's method from where the rates lead
 DIRECT = 10  # of it over a whole way
@@ -57,11 +58,28 @@ def tells_all(J: Jacobians) -> bool:
 
 
 def actuated(J: Jacobians, q: np.ndarray) -> np.ndarray:
-    """Return the actuated coordinates (N, n), angles within half a turn of those at home."""
+    """Return the actuated coordinates (N, n), angles that turn alone within half a turn of those at
+    home."""
     robot = J.robot
     places = [robot.coordinates.index(name) for name in J.direct.what]
     values, home = robot.kernel("positions")(q)[0][:, places], robot.home.positions[places]
-    return np.where(robot.labels.angular[places], home + wrapped(values - home), values)
+    alone = [robot.once(turns_alone, name) for name in J.direct.what]
+    return np.where(alone, home + wrapped(values - home), values)
+
+
+def turns_alone(robot: Robot, label: str) -> bool:
+    """Tell whether a joint coordinate is an angle that may turn once more with all bodies where
+    they are, as that of a thread may not."""
+    if robot.unit(label) != "rad" or not robot.joints_asked((label,)).wraps[0]:
+        return False
+    tree, q, still = robot.equations.tree, robot.home.q, np.zeros(robot.mobility)
+    turned = np.array(q)
+    turned[[tree.places[label]] if label in tree.places else []] += 2 * np.pi
+    (p, R, *_), (p_turned, R_turned, *_) = (
+        robot.kernel("bodies_motion")(each, still) for each in (q, turned)
+    )
+    away = np.abs(p_turned - p).max() / tree.length, np.abs(R_turned - R).max()
+    return max(away) < ALIKE
 
 
 @dataclass(frozen=True, eq=False)
