@@ -41,6 +41,18 @@ def test_an_arm_under_a_lift_has_its_elbow_on_either_side(driven):
     assert abs(np.sin(modes.states["turn"]).sum()) < 1e-9
 
 
+def test_whole_turns_of_a_thread_are_part_of_a_mode():
+    """z = 0.05 turn [rad]: 8 rad lift a nut by 0.4 m, and no whole turn less."""
+    described = lw.Mechanism(
+        bodies={"nut": lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))},
+        joints={"thread": lw.ScrewJoint(connects=("ground", "nut"), pitch=0.05)},
+        actuators=("thread",),
+        tools={"top": lw.Tool(body="nut", task=("z",))},
+    )
+    modes = working_modes(lw.Robot(described), [0.4])
+    np.testing.assert_allclose(modes.states["thread"], [8.0])
+
+
 def test_dietmaier_s_platform_has_forty_assembly_modes():
     robot = dietmaier()
     modes = assembly_modes(

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 from linkwork.analysis.all_rows import all_rows
 from linkwork.analysis.newton import Solver, random_configurations, solver
 from linkwork.analysis.square import Square, of_joints, of_tool
+from linkwork.analysis.turning_alone import turns_alone
 from linkwork.checks import amount, needed, random_numbers
 from linkwork.equations import body_motion, functions
 from linkwork.errors import LinkworkError
@@ -294,8 +295,9 @@ def unwound(robot: Robot, q: np.ndarray, asked: Mapping[str, float]) -> State:
     # Of the tree's angles those that its loops see by sines and cosines; then of those that close.
     q = q.copy()
     for k in np.flatnonzero(closing(robot.chart)):
-        place = robot.coordinates.index(robot.equations.tree.coordinates[k])
-        if robot.labels.angular[place]:
+        label = robot.equations.tree.coordinates[k]
+        if robot.once(turns_alone, label):
+            place = robot.coordinates.index(label)
             q[:, k] -= 2 * np.pi * np.round((q[:, k] - goal[place]) / (2 * np.pi))
     states = robot.make_state(q, np.zeros((len(q), robot.mobility)))
     nearest = robot.labels.nearest(states.positions, np.broadcast_to(goal, states.positions.shape))
@@ -381,13 +383,14 @@ def tool_kernel(robot: Robot) -> Kernel:
 
 
 def by_actuators(square: Square, q: np.ndarray) -> np.ndarray:
-    """Return the actuated coordinates (N, d), angles by their cosines and sines."""
+    """Return the actuated coordinates (N, d), angles that turn alone by their cosines and
+    sines."""
     robot = square.robot
     places = [robot.coordinates.index(name) for name in robot.actuators]
-    values, angular = robot.kernel("positions")(q)[0][:, places], robot.labels.angular[places]
-    turns = values[:, angular]
-    slides = values[:, ~angular] / square.equations.tree.length
-    return np.concatenate([slides, np.cos(turns), np.sin(turns)], axis=1)
+    values = robot.kernel("positions")(q)[0][:, places] / robot.labels.sizes[places]
+    alone = np.array([robot.once(turns_alone, name) for name in robot.actuators])
+    turns = values[:, alone]
+    return np.concatenate([values[:, ~alone], np.cos(turns), np.sin(turns)], axis=1)
 
 
 def by_bodies(square: Square, q: np.ndarray) -> np.ndarray:

@@ -41,7 +41,6 @@ from linkwork.analysis.grid_branches import (
     actuated,
     led,
     tells_all,
-    turns_alone,
 )
 from linkwork.analysis.grid_steps import aside, beside, neighbours, one_of
 from linkwork.analysis.newton import (
@@ -52,6 +51,7 @@ from linkwork.analysis.newton import (
     solver,
 )
 from linkwork.analysis.singular_values import singular_values
+from linkwork.analysis.turning_alone import turns_alone
 from linkwork.checks import by_name, reals
 from linkwork.equations.algebra import wrapped
 from linkwork.errors import LinkworkError

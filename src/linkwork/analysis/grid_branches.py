@@ -26,6 +26,7 @@ from linkwork.analysis._jacobians import Jacobians
 from linkwork.analysis.all_rows import all_rows
 from linkwork.analysis.newton import Solver
 from linkwork.analysis.square import Square
+from linkwork.analysis.turning_alone import turns_alone
 from linkwork.equations import functions
 from linkwork.equations.algebra import SX, wrapped
 from linkwork.equations.reference import unit
@@ -41,7 +42,6 @@ TIGHT, FLOOR = 0.25, 1e-7  # part of a step, and own units, by which the rule ma
 LONGEST = 0.3  # step, in own units
 SHORTER = 0.25  # part of a way across cells that is the longest step
 ROUNDS, FINEST = 60, 1 / 256  # steps of a way, tried ones too, and the part of it that is shortest
-ALIKE = 1e-9  # in own units, by which poses may differ that are one
 MEET = 0.01  # part of a determinant where a way begins that is none: branches meet
 STEPS = 6  # of Newton's method from where the rates lead
 DIRECT = 10  # of it over a whole way
@@ -65,21 +65,6 @@ def actuated(J: Jacobians, q: np.ndarray) -> np.ndarray:
     values, home = robot.kernel("positions")(q)[0][:, places], robot.home.positions[places]
     alone = [robot.once(turns_alone, name) for name in J.direct.what]
     return np.where(alone, home + wrapped(values - home), values)
-
-
-def turns_alone(robot: Robot, label: str) -> bool:
-    """Tell whether a joint coordinate is an angle that may turn once more with all bodies where
-    they are, as that of a thread may not."""
-    if robot.unit(label) != "rad" or not robot.joints_asked((label,)).wraps[0]:
-        return False
-    tree, q, still = robot.equations.tree, robot.home.q, np.zeros(robot.mobility)
-    turned = np.array(q)
-    turned[[tree.places[label]] if label in tree.places else []] += 2 * np.pi
-    (p, R, *_), (p_turned, R_turned, *_) = (
-        robot.kernel("bodies_motion")(each, still) for each in (q, turned)
-    )
-    away = np.abs(p_turned - p).max() / tree.length, np.abs(R_turned - R).max()
-    return max(away) < ALIKE
 
 
 @dataclass(frozen=True, eq=False)
