@@ -206,6 +206,18 @@ def test_the_sign_of_a_pivot_tells_the_side_of_a_singular_configuration():
     assert np.sign([float(pivot(2.0)), float(pivot(0.5))]).tolist() == [1, -1]
 
 
+def test_rates_beside_one_that_hardly_moves_alone_are_no_more_than_they_are():
+    """Three of four rates tell the others, and one moves alone: of the four preferred ones the
+    third moves little with the first two at rest, and the fourth not at all with these three."""
+    random = np.random.default_rng(0)
+    for little in np.geomspace(1e-4, 0.1, 50):
+        motions = np.zeros((7, 4))
+        motions[:6, :3], motions[6, 3] = random.normal(size=(6, 3)), 1
+        motions[2] = motions[0] + motions[1] + little * motions[2]
+        Phi = np.linalg.svd(motions.T)[2][4:]
+        assert choose_independent(Phi, (0, 1, 2, 3)) == (0, 1, 2, 6)
+
+
 def test_independent_rates_are_the_preferred_ones_as_far_as_they_determine_the_motion():
     Phi = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])  # w_0 = w_1, w_2 = w_3
     assert choose_independent(Phi, (1, 0)) in [(1, 2), (1, 3)]

@@ -16,6 +16,7 @@ from linkwork.equations.reflections import DEPENDENT_ROW, reflect
 TIED = 1 - 1e-9  # lengths are equal from this ratio on: rounding decides nothing
 SHARES = (0.05, 5e-3, 5e-4, 5e-5)  # what is left of a row that is kept, over the longest, at best
 ROUNDING = 1e-15  # of a squared part that is left of 1, by length of the vectors
+LITTLE = 0.01  # squared part that is left of 1, below which directions are made perpendicular again
 FAINT = 1e-5  # of what rows leave of one, over the longest: rounding may tell where it points
 
 
@@ -124,7 +125,10 @@ def choose_independents(
             direction[at] = 1.0
             for other in directions:
                 direction -= other[at] * other
-            direction *= able / np.sqrt(np.maximum(left[at], 1e-300))
+            # Once more where rounding is much of the little that is left.
+            for other in directions if (able & (left[at] < LITTLE)).any() else ():
+                direction -= (other * direction).sum(axis=0) * other
+            direction *= able / np.maximum(np.sqrt((direction**2).sum(axis=0)), 1e-300)
             directions.append(direction)
             np.maximum(left - direction**2, 0.0, out=left)
         free[at] &= ~able
