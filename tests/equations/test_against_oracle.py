@@ -16,7 +16,7 @@ from linkwork.mechanism import GROUND, Mechanism
 
 from tests.equations.evaluation import close, values
 from tests.oracle.maximal import MaximalOracle, Poses, Twists
-from tests.oracle.random_joints import curved, random_loops, random_tree, tilted
+from tests.oracle.random_joints import curved, grown, random_loops, random_tree, tilted
 
 CASES = {
     "tree": partial(random_tree, 1, 9, effects=True, gears=1, actuation=-2),
@@ -34,6 +34,7 @@ CASES = {
     "planar loops": partial(
         random_loops, 5, 2, planar=True, effects=True, rods=1, gears=1, actuation=-1
     ),
+    "springs and friction that grow": lambda: grown(random_tree(1, 9, effects=True, actuation=-2)),
     "planar loops, tilted": lambda: tilted(
         random_loops(3, 2, planar=True, effects=True, rods=1), 3
     ),

@@ -13,7 +13,7 @@ from linkwork.equations import derive, functions, regressor
 from linkwork.mechanism.numbers import edited
 
 from tests.equations.evaluation import close, values
-from tests.oracle.random_joints import random_loops, random_tree
+from tests.oracle.random_joints import grown, random_loops, random_tree
 
 CASES = {
     "tree": partial(random_tree, 1, 9, effects=True, gears=1, actuation=-2),
@@ -21,6 +21,7 @@ CASES = {
         random_loops, 5, 2, effects=True, rods=1, gears=1, freedoms=2, actuation=1
     ),
     "loop closed by a free joint": partial(random_loops, 8, 1, effects=True, platform="free"),
+    "springs and friction that grow": lambda: grown(random_tree(1, 9, effects=True, actuation=-2)),
     "planar loops": partial(
         random_loops, 5, 2, planar=True, effects=True, rods=1, gears=1, actuation=-1
     ),

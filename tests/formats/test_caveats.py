@@ -66,7 +66,10 @@ def test_a_file_that_is_read_whole_has_none(tmp_path):
             {"more": INERTIAL, "joint": 'frictionloss="1"'},
             "has dry friction, which is smoothed here",
         ),
-        ({"more": INERTIAL, "joint": 'stiffness="1 2"'}, "has a stiffness that is not linear"),
+        (
+            {"more": INERTIAL, "joint": 'type="ball" damping="1 2"'},
+            "has a damping that is not linear",
+        ),
         (
             {"more": INERTIAL + "<composite count='3'/>"},
             "<composite> is left out: it makes bodies",

@@ -210,11 +210,6 @@ BOUNDED = {
         "joint": 'actuatorgravcomp="true"',
         "body": 'gravcomp="0.5"',
     },
-    "has a damping that is not linear": {
-        "world": '<site name="w"/>',
-        "more": '<tendon><spatial damping="1 2"><site site="w"/><site site="t"/></spatial>\
-</tendon>',
-    },
 }
 
 

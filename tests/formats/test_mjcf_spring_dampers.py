@@ -4,7 +4,6 @@ inertia that joints, tendons and actuators have, and by the mass of bodies that 
 import mujoco as mj
 import pytest
 
-from linkwork.errors import ModelWarning
 from linkwork.formats import load
 
 MODEL = """<mujoco>
@@ -53,10 +52,11 @@ def test_they_are_those_of_mujocos_compiler(tendons, at, tmp_path):
         assert joints[name].friction.viscous == pytest.approx(viscous, rel=1e-12)
 
 
-def test_the_spring_of_a_free_joint_is_left_out_with_a_word(tmp_path):
+def test_the_spring_of_a_free_joint_is_that_of_each_way_and_of_its_turn(tmp_path):
     path = tmp_path / "model.xml"
     path.write_text("""<mujoco><worldbody><body><joint type="free" springdamper="0.3 0.8"/>
 <geom size="0.1"/></body></worldbody></mujoco>""")
-    assert mj.MjModel.from_xml_path(str(path)).jnt_stiffness[0] > 0
-    with pytest.warns(ModelWarning, match="<joint> has a spring, which is left out"):
-        load(path)
+    stiffness = mj.MjModel.from_xml_path(str(path)).jnt_stiffness[0]
+    ((_, joint),) = load(path).mechanism.joints.items()
+    found = [own.spring.stiffness for own in joint.effects().values()]
+    assert found == pytest.approx([stiffness] * 4, rel=1e-12)

@@ -15,7 +15,8 @@ RECORDS = [
 
 def test_signatures_are_those_of_the_source():
     assert str(inspect.signature(lw.Spring)) == (
-        "(*, stiffness: float = 0.0, rest: float = 0.0, damping: float = 0.0) -> None"
+        "(*, stiffness: float = 0.0, powers: tuple[float, ...] = (), rest: float = 0.0, "
+        "damping: float = 0.0) -> None"
     )
     told = str(inspect.signature(lw.Body))
     assert "inertia: Inertia = Inertia(zz=0.0, xx=0.0, yy=0.0)" in told

@@ -325,7 +325,9 @@ class MaximalOracle:
             potential -= body.mass * np.dot(self.mechanism.gravity, p + R @ body.centre_of_mass)
         for freedom in self._freedoms(seen):
             kinetic += freedom.rotor * np.sum(w[freedom.rates] ** 2) / 2
-            potential += freedom.spring.stiffness * np.sum(freedom.q**2) / 2
+            size = reach(freedom)
+            for power, k in enumerate(freedom.spring.pulls, start=2):
+                potential += k * size**power / power
         for spring, _, stretch, _ in self._point_springs(poses, twists):
             potential += spring.stiffness * (stretch - spring.rest_length) ** 2 / 2
         return float(kinetic), float(potential)
@@ -383,9 +385,9 @@ class MaximalOracle:
                 spring.stiffness * (stretch - spring.rest_length) + spring.damping * stretching
             )
         for freedom in self._freedoms(seen):
-            f[freedom.rates] -= freedom.spring.stiffness * freedom.q + resistance(
-                freedom, w[freedom.rates]
-            )
+            size = reach(freedom)
+            grown = sum(k * size**n for n, k in enumerate(freedom.spring.pulls))
+            f[freedom.rates] -= grown * freedom.q + resistance(freedom, w[freedom.rates])
             J[freedom.rates] = freedom.rotor
         f[self._actuated] += np.asarray(forces, dtype=float)
         return M + rows.F.T @ (J[:, None] * rows.F), applied + rows.F.T @ (f - J * rows.b)
@@ -560,11 +562,17 @@ def frame_turn(rotation: tuple[float, float, float]) -> np.ndarray:
     return R
 
 
+def reach(freedom: Freedom) -> float:
+    """Return the displacement with its sign, or the angle of a free turn."""
+    return float(freedom.q[0]) if freedom.q.size == 1 else float(np.linalg.norm(freedom.q))
+
+
 def resistance(freedom: Freedom, w: np.ndarray) -> np.ndarray:
-    """Return (viscous + damping + coulomb / sqrt(|w|^2 + coulomb_rate^2)) w."""
+    """Return (viscous + c_1 |w| + ... + damping + coulomb / sqrt(|w|^2 + coulomb_rate^2)) w."""
     friction = freedom.friction
     smooth = friction.coulomb / np.sqrt(w @ w + friction.coulomb_rate**2)
-    return (friction.viscous + freedom.spring.damping + smooth) * w
+    grown = sum(c * np.linalg.norm(w) ** n for n, c in enumerate(friction.smooth))
+    return (grown + freedom.spring.damping + smooth) * w
 
 
 def pseudo_inverse(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ more is mobility. Rods and gears take one freedom each.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -362,6 +362,28 @@ def curved(mechanism: Mechanism) -> Mechanism:
             for power, c in enumerate(own, start=2)
         )
         joints[name] = GearJoint(ratios=gear.ratios, powers=powers, offset=gear.offset + more)
+    return mechanism.model_copy(update={"joints": joints})
+
+
+def grown(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism whose springs grow stiffer with the displacement, and viscous friction
+    with the rate."""
+    rng, joints = np.random.default_rng(5), dict(mechanism.joints)
+
+    def with_powers(own: Friction | Spring) -> Friction | Spring:
+        return own.model_copy(update={"powers": tuple(rng.uniform(-0.4, 0.9, 2))})
+
+    for name, joint in mechanism.pairs.items():
+        fields = {key: getattr(joint, key, {}) for key in ("friction", "spring")}
+        joints[name] = joint.model_copy(
+            update={
+                key: {freedom: with_powers(part) for freedom, part in own.items()}
+                if isinstance(own, Mapping)
+                else with_powers(own)
+                for key, own in fields.items()
+                if own
+            }
+        )
     return mechanism.model_copy(update={"joints": joints})
 
 

@@ -115,10 +115,13 @@ class Scale:
         }  # fmt: skip
         if key == "rotor_inertia":
             return part * F / (x / T**2)
-        return {
+        linear, unit = ("viscous", x / T) if key == "friction" else ("stiffness", x)
+        powers = [factors[linear] * c / unit**n for n, c in enumerate(part.pop("powers", ()), 1)]
+        scaled = {
             field: value if value is None else value * factors[field]
             for field, value in part.items()
         }
+        return scaled | ({"powers": powers} if powers else {})
 
 
 def times(vector: Any, factor: float) -> tuple[float, ...]:

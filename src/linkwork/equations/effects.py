@@ -7,6 +7,8 @@ both in F1's axes:
 
     force      -k (x - rest) - d w - (viscous + coulomb / sqrt(w . w + r^2)) w
     potential  k (x - rest) . (x - rest) / 2
+    powers     k + k_1 (x - rest) + ... for k, of a free turn in |x|; viscous + c_1 |w| + ... for
+               viscous
     dry        with Stribeck's rise D(w) for coulomb; in a run with a bristle its force s instead:
                -s - damping z',  s' = stiffness z',  z' = w - |w| s / D(w)
     friction   vanishes with w, and is stiff at rest: d(force)/dw = -(viscous + coulomb / r) there
@@ -23,7 +25,7 @@ meet press and rub (`contact`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -82,7 +84,7 @@ class Freedom:
     @property
     def pull(self) -> ca.SX:
         """The force of spring and stops at rest."""
-        pull = -self.spring.stiffness * self.stretch
+        pull = -polynomial(self.spring.pulls, self.reach) * self.stretch
         return sum((-end.outward * end.pressing.elastic for end in self.ends), pull)
 
     @property
@@ -93,9 +95,14 @@ class Freedom:
             return beyond
         return ca.fmax(beyond - self.spring.slack, 0) + ca.fmin(beyond, 0)
 
+    @property
+    def reach(self) -> ca.SX:
+        """The stretch by which the stiffness grows: with its sign, or the angle of a free turn."""
+        return self.stretch if self.stretch.is_scalar() else size_of(self.stretch)
+
     def drag(self, w: ca.SX) -> ca.SX:
         """Return the force of friction, damper and what stops take on the freedom."""
-        resistance = self.friction.viscous + self.spring.damping
+        resistance = polynomial(self.friction.smooth, size_of(w)) + self.spring.damping
         drag = sum((end.drag(w) for end in self.ends), -resistance * w)
         if self.strain is not None and self.friction.bristle:
             return drag - self.strain - self.friction.bristle.damping * self.bending(w)
@@ -132,8 +139,24 @@ class Freedom:
 
     @property
     def potential(self) -> ca.SX:
-        stored = self.spring.stiffness * ca.sumsqr(self.stretch) / 2
+        shares = [k / power for power, k in enumerate(self.spring.pulls, start=2)]
+        stored = polynomial(shares, self.reach) * ca.sumsqr(self.stretch)
         return sum((end.pressing.potential for end in self.ends), stored)
+
+
+def polynomial(coefficients: Sequence[Number], x: ca.SX) -> Number:
+    """Return c_0 + c_1 x + c_2 x^2 + ..."""
+    if not any(map(present, coefficients[1:])):
+        return coefficients[0]
+    total = SX(0)
+    for c in reversed(coefficients):
+        total = total * x + c
+    return total
+
+
+def size_of(x: ca.SX) -> ca.SX:
+    """Return |x| of a displacement or of rates."""
+    return ca.fabs(x) if x.is_scalar() else ca.sqrt(ca.sumsqr(x) + TINY)
 
 
 def ends(part: JointFreedom, x: ca.SX) -> Iterator[StopEnd]:

@@ -151,7 +151,7 @@ def freedom_columns(equations: Equations, w: ca.SX, dw: ca.SX) -> ca.SX:
 
 def spring_forces(equations: Equations) -> ca.SX:
     """Return the forces (nv) on the tree's rates that springs, stops, contacts and static friction
-    take, dampers between points included."""
+    take, powers of rates and dampers between points included."""
     tree = equations.tree
     total = SX.zeros(len(tree.rates))
     for freedom in equations.freedoms:
@@ -159,6 +159,7 @@ def spring_forces(equations: Equations) -> ca.SX:
         held, line = freedom.pull, freedom.rates[0] in equations.mechanism.transmissions
         if not line:
             held = sum((end.drag(own) for end in freedom.ends), held)
+            held -= effects.polynomial((0.0, *freedom.friction.powers), effects.size_of(own)) * own
         if freedom.friction.static is not None and not line:
             rise = freedom.friction.static * freedom.fallen(own)
             held -= rise / freedom.softened(own) * own

@@ -178,7 +178,7 @@ def counting(mechanism: Mechanism) -> set[str]:
         name
         for name, joint in mechanism.pairs.items()
         if "screw" in pattern(joint)
-        or any(own.stop or present(own.spring.stiffness) for own in joint.effects().values())
+        or any(own.stop or any(map(present, own.spring.pulls)) for own in joint.effects().values())
     }
     return geared | sprung
 

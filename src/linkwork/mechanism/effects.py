@@ -32,13 +32,16 @@ class Bristle(Record):
 
 
 class Friction(Record):
-    """Resist a rate: F = -(viscous + D(|w|) / sqrt(|w|^2 + coulomb_rate^2)) w, with
-    D(w) = coulomb + (static - coulomb) exp(-(w / stribeck_rate)^2).
+    """Resist a rate: F = -(viscous + c_1 |w| + c_2 |w|^2 + ... + D(|w|) / sqrt(|w|^2 +
+    coulomb_rate^2)) w, with D(w) = coulomb + (static - coulomb) exp(-(w / stribeck_rate)^2).
 
     With a bristle runs have its force for that of D.
     """
 
     viscous: Amount = Field(default=0.0, description="force per rate [N s/m, N m s/rad]")
+    powers: tuple[Real, ...] = Field(
+        default=(), description="c_1, c_2 ..., by which the force per rate grows with the rate"
+    )
     coulomb: Amount = Field(
         default=0.0, description="force at rates well above coulomb_rate [N, N m]"
     )
@@ -66,6 +69,11 @@ class Friction(Record):
         """The forces of dry friction: of sliding, and what breaks loose where that is told."""
         return (self.coulomb,) if self.static is None else (self.coulomb, self.static)
 
+    @property
+    def smooth(self) -> tuple[float, ...]:
+        """The coefficients of the force that grows with the rate."""
+        return (self.viscous, *self.powers)
+
 
 def require_friction(
     sliding: float, static: float | None, bristle: Bristle | None, name: str
@@ -86,12 +94,20 @@ def require_friction(
 
 
 class Spring(Record):
-    """Pull a coordinate towards its rest and damp its rate: F = -stiffness (q - rest) - damping
-    w."""
+    """Pull a coordinate towards its rest and damp its rate: with x = q - rest
+    F = -(stiffness + k_1 x + k_2 x^2 + ...) x - damping w; in brackets |x| for a free turn."""
 
     stiffness: Amount = Field(default=0.0, description="force per displacement [N/m, N m/rad]")
+    powers: tuple[Real, ...] = Field(
+        default=(), description="k_1, k_2 ..., by which the stiffness grows with the displacement"
+    )
     rest: Real = Field(default=0.0, description="coordinate without force [m, rad]")
     damping: Amount = Field(default=0.0, description="force per rate [N s/m, N m s/rad]")
+
+    @property
+    def pulls(self) -> tuple[float, ...]:
+        """The coefficients of the force that grows with the displacement."""
+        return (self.stiffness, *self.powers)
 
 
 class Limits(Record):
@@ -146,7 +162,7 @@ class Effects(NamedTuple):
     def loads(self) -> tuple[float, ...]:
         """The numbers that are all zero where no force and no rotor acts."""
         friction, spring = self.friction, self.spring
-        own = friction.viscous, *friction.dry, spring.stiffness, spring.damping
+        own = *friction.smooth, *friction.dry, *spring.pulls, spring.damping
         return (*own, self.stop.stiffness if self.stop else 0.0, self.rotor)
 
 

@@ -58,7 +58,7 @@ def slack_ends(name: str, line: LoadedLength) -> dict[str, tuple[int, float]]:
     """Return the ends of a spring's slack by name, "mesh: spring at the lower end": on which side
     it pulls, -1 or 1, and where from its rest on."""
     spring = line.spring
-    if not (acts(spring.stiffness) and acts(spring.slack)):
+    if not (any(map(acts, spring.pulls)) and acts(spring.slack)):
         return {}
     ends = {"lower": (-1, 0.0), "upper": (1, spring.slack)}
     return {f"{name}: spring at the {side} end": end for side, end in ends.items()}

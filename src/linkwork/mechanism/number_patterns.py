@@ -97,7 +97,7 @@ def unique(mechanism: Mechanism, path: str) -> bool:
 
 def numbers(item: Any, before: Where = ()) -> Iterator[Where]:
     """Yield where the numbers of a description are, the components of vectors by x, y, z."""
-    inside, vector = contents(item), "powers" not in before[-2:-1]
+    inside, vector = contents(item), "powers" not in before[-2:]
     if vector and isinstance(item, tuple) and len(item) == 3 and isinstance(item[0], float):
         inside = dict(zip("xyz", item, strict=True))
     for key, part in inside.items():

@@ -52,7 +52,7 @@ def acts(value: object) -> bool:
 
 class SlackSpring(Spring):
     """Pull a length towards its rest where it is shorter or longer than that:
-    F = -stiffness (max(l - rest - slack, 0) + min(l - rest, 0)) - damping l'."""
+    F as of a spring, of x = max(l - rest - slack, 0) + min(l - rest, 0)."""
 
     slack: Amount = Field(
         default=0.0, description="range of lengths from rest on without force [m, rad]"
@@ -87,13 +87,13 @@ class LoadedLength(Record):
     def loads(self) -> tuple[float, ...]:
         """The numbers that are all zero where nothing acts."""
         stop = self.stop.stiffness if self.stop else 0.0
-        return (*self.resistance, self.spring.stiffness, self.inertia, stop)
+        return (*self.resistance, *self.spring.pulls, self.inertia, stop)
 
     @property
     def resistance(self) -> tuple[float, ...]:
         """The numbers that are all zero where nothing resists the rate."""
         stop = self.stop.stiffness if self.stop else 0.0
-        return self.friction.viscous, self.friction.coulomb, self.spring.damping, stop
+        return *self.friction.smooth, self.friction.coulomb, self.spring.damping, stop
 
 
 class Combination(LoadedLength):
@@ -215,7 +215,7 @@ class Cable(LoadedLength):
     def leaps(self) -> tuple[int, ...]:
         """Places in the path of the surfaces where energy of its own may leap: that of what moves
         with it where it changes sides, and that of a spring or stop where its length leaps."""
-        stores = self.stop is not None or any(map(acts, (self.inertia, self.spring.stiffness)))
+        stores = self.stop is not None or any(map(acts, (self.inertia, *self.spring.pulls)))
         parts = (self.path[k] for k in self.rounded)
         inside = (isinstance(part, _Over) and part.inside for part in parts)
         return tuple(k for k, no in zip(self.rounded, inside, strict=True) if stores and not no)

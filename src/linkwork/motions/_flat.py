@@ -214,10 +214,11 @@ def require_plain(motor: str, own: Effects, name: str, line: Combination) -> Non
             "follows from a differential equation and not from the links' motion; leave its "
             "damping out"
         )
-    if line.spring.slack or line.friction != Friction() or line.stop or line.inertia:
+    more = line.spring.slack or any(line.spring.powers) or line.stop or line.inertia
+    if more or line.friction != Friction():
         raise LinkworkError(
-            f"transmissions.{name}: has more than a spring, so that the motion of the links "
-            "does not tell that of the motor; leave slack, friction, stop and inertia out"
+            f"transmissions.{name}: has more than a linear spring, so that the motion of the links "
+            "does not tell that of the motor; leave slack, powers, friction, stop and inertia out"
         )
     if own != Effects(rotor=own.rotor):
         raise LinkworkError(

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.equations.algebra import SX
-from linkwork.equations.effects import Freedom
+from linkwork.equations.effects import Freedom, polynomial, size_of
 from linkwork.equations.equations import Equations
 from linkwork.runs.passage import Segment
 from linkwork.runs.system import System
@@ -66,13 +66,14 @@ def slopes(freedom: Freedom, w: ca.SX) -> Iterator[ca.SX]:
     """Yield how spring and stop grow with the displacement, damper and dry friction with the
     rates."""
     one, friction, spring = SX.eye(w.numel()), freedom.friction, freedom.spring
-    yield one * spring.stiffness
+    yield one * polynomial([k * n for n, k in enumerate(spring.pulls, start=1)], freedom.reach)
     stop = SX(0)
     for end in freedom.ends:
         law, depth = end.pressing.law, ca.fmax(end.pressing.depth, 0)
         stop += law.stiffness * law.exponent * ca.constpow(depth, law.exponent - 1) * (depth > 0)
     yield one * stop
-    yield one * (friction.viscous + spring.damping)
+    damper = polynomial([c * n for n, c in enumerate(friction.smooth, start=1)], size_of(w))
+    yield one * (damper + spring.damping)
     bristled = freedom.strain is not None and friction.bristle is not None
     dry = freedom.sliding(w) / freedom.softened(w) if freedom.dry and not bristled else SX(0)
     yield one * dry

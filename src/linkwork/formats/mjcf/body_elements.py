@@ -13,7 +13,7 @@ from linkwork.formats.mjcf.fluid_elements import axes_of_box
 from linkwork.formats.mjcf.geoms import BETWEEN, corners_of, mesh_file, size_of
 from linkwork.formats.mjcf.laws import number, numbers
 from linkwork.formats.mjcf.model_plan import Move, Seat
-from linkwork.formats.mjcf.sheet import Sheet, placed, put
+from linkwork.formats.mjcf.sheet import Sheet, placed, put, put_graded
 from linkwork.formats.mjcf.tree import UNLIMITED, WORLD
 from linkwork.mechanism import Body, MechanismError, Shape
 from linkwork.mechanism.body import rigid
@@ -147,10 +147,10 @@ def joint_of(sheet: Sheet, move: Move, into: np.ndarray) -> ET.Element:
     if move.kind in ("hinge", "slide"):
         element.set("axis", numbers(into[:3, :3] @ move.axis))
         put(element, "ref", move.ref)
-    put(element, "damping", friction.viscous + spring.damping)
+    put_graded(element, "damping", (friction.viscous + spring.damping, *friction.powers))
     put(element, "frictionloss", friction.coulomb)
-    put(element, "stiffness", spring.stiffness)
-    put(element, "springref", spring.rest if spring.stiffness else 0.0)
+    put_graded(element, "stiffness", spring.pulls)
+    put(element, "springref", spring.rest if any(spring.pulls) else 0.0)
     put(element, "armature", rotor)
     if limits.bounded:
         lower = -UNLIMITED if limits.lower is None else limits.lower

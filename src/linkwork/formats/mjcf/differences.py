@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from linkwork.formats import poses
-from linkwork.formats.mjcf.sheet import Sheet
+from linkwork.formats.mjcf.sheet import GRADES, Sheet
 from linkwork.mechanism import LoadedLength
 from linkwork.mechanism.bearing import bearings, what_rubs
 
@@ -62,14 +62,19 @@ def tell_effects(sheet: Sheet) -> None:
         say("limits of speed are left out: MuJoCo has none")
     if any(own.friction.static or own.friction.bristle for own in effects):
         say("static friction and bristles are left out: MuJoCo has frictionloss alone")
+    lines = sheet.mechanism.transmissions.values()
+    loaded = [*effects, *(line for line in lines if isinstance(line, LoadedLength))]
+    if any(any((*own.spring.pulls[GRADES:], *own.friction.smooth[GRADES:])) for own in loaded):
+        say("powers of springs and dampers above the second are left out: MuJoCo has none")
+    balls = [move.effects for move in sheet.moves.values() if move.kind == "ball"]
+    if any(any(own.friction.powers) for own in balls):
+        say("powers of the friction of balls are taken about each axis by itself in MuJoCo")
     if found := bearings(sheet.mechanism.joints):
         named, parts = ", ".join(found), what_rubs(found)
         say(f"{named}: the friction of {parts} is left out: MuJoCo has none that grows with load")
     if sheet.mechanism.contacts:
         say("contacts are left out: MuJoCo's follow another law, by solref and solimp")
-    lines = sheet.mechanism.transmissions.values()
-    stopped = [*effects, *(line for line in lines if isinstance(line, LoadedLength))]
-    if any(own.stop for own in stopped):
+    if any(own.stop for own in loaded):
         say("stops are left out: MuJoCo's limits follow another law, by solreflimit")
 
 

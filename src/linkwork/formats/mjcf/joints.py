@@ -172,8 +172,10 @@ def read_joints(
 
 def _joint(group: JointGroup, connects: tuple[str, str], place: np.ndarray, name: str) -> PairJoint:
     element = group.pieces[0].element
-    frames = Frame(), Frame()
-    if group.pieces[0].kind != "free":
+    free, frames = group.pieces[0].kind == "free", (Frame(), Frame())
+    if free and any(group.pieces[0].spring.pulls):  # its turn is counted from where it rests
+        frames = Frame(), poses.frame_of(poses.pose(rotation=place[:3, :3].T))
+    elif not free:
         ahead = poses.shift(group.advance * np.asarray(group.fields.get("axis", np.zeros(3))))
         near, far = group.first @ ahead, group.first @ group.motion
         frames = (
@@ -182,15 +184,23 @@ def _joint(group: JointGroup, connects: tuple[str, str], place: np.ndarray, name
         )
     ends = connects[::-1] if group.backwards else connects
     fields = {key: _plain(value) for key, value in group.fields.items()}
-    return element.make(group.type, connects=ends, frames=frames, **fields, **_effects(group))
+    return element.make(
+        group.type, connects=ends, frames=frames, **fields, **_effects(group, place)
+    )
 
 
-def _effects(group: JointGroup) -> dict[str, Any]:
+def _effects(group: JointGroup, place: np.ndarray) -> dict[str, Any]:
     """Return friction, spring, limits and rotor inertia as the fields of the joint; a free joint
-    has them in every freedom."""
+    has them in every freedom, and its spring rests where the body stands."""
     parts = list(zip(group.freedoms, group.pieces, strict=True))
     if group.pieces[0].kind == "free":
-        parts = [(freedom, group.pieces[0]) for freedom in FreeJoint.freedoms]
+        (piece,), rests = group.pieces, (*map(float, place[:3, 3]), 0.0)
+        springs = [
+            piece.spring.model_copy(update={"rest": rest if any(piece.spring.pulls) else 0.0})
+            for rest in rests
+        ]
+        freedoms = zip(FreeJoint.freedoms, springs, strict=True)
+        parts = [(freedom, replace(piece, spring=spring)) for freedom, spring in freedoms]
     found: dict[str, dict[str, Any]] = {}
     for freedom, piece in parts:
         for key, value in piece.effects().items():

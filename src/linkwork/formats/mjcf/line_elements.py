@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 from linkwork.formats import poses
 from linkwork.formats.mjcf.branches import on_one_branch
 from linkwork.formats.mjcf.laws import law_of, number, numbers
-from linkwork.formats.mjcf.sheet import Sheet, placed, put
+from linkwork.formats.mjcf.sheet import Sheet, placed, put, put_graded
 from linkwork.mechanism import (
     Cable,
     Combination,
@@ -74,11 +74,11 @@ def write_cables(sheet: Sheet) -> None:
 def write_along(sheet: Sheet, tendon: ET.Element, line: LoadedLength, offset: float) -> None:
     """Write what acts along a tendon, whose length is ahead of MuJoCo's by an offset."""
     spring = line.spring
-    put(tendon, "stiffness", spring.stiffness)
-    put(tendon, "damping", spring.damping + line.friction.viscous)
+    put_graded(tendon, "stiffness", spring.pulls)
+    put_graded(tendon, "damping", (spring.damping + line.friction.viscous, *line.friction.powers))
     put(tendon, "frictionloss", line.friction.coulomb)
     put(tendon, "armature", line.inertia)
-    if spring.stiffness:
+    if any(spring.pulls):
         rest = spring.rest - offset
         end = rest + spring.slack
         if rest == end == -1.0:  # by which MuJoCo means none

@@ -310,7 +310,7 @@ class _Planner:
     def _require_neutral(self, name: str, effects: Effects) -> None:
         """Refuse what MuJoCo measures from qpos0 and the mechanism from where the two frames
         agree."""
-        measured = effects.spring.stiffness or effects.limits.upper is not None
+        measured = any(effects.spring.pulls) or effects.limits.upper is not None
         if measured and self.home.turned(self.mechanism.pairs[name]):
             raise MechanismError(
                 f"joints.{name}: has a spring or a limit and is turned at home; MuJoCo measures "

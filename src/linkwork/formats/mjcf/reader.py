@@ -50,6 +50,7 @@ from linkwork.solids.solid import together
 
 EARTH = (0.0, 0.0, -9.81)
 HOME = "home"
+FROM_REST = "has a spring, so that its turn is counted from qpos0, where that rests"
 QUATERNION = (".qw", ".qx", ".qy", ".qz")
 
 
@@ -95,6 +96,10 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
     joints = read_joints(
         standing, _free_couplings(document, ties), ball_drives(document), names, body_names
     )
+    for node, piece in standing.pieces():
+        sprung = piece.kind == "free" and any(piece.spring.pulls)
+        if sprung and np.abs(node.pose[:3, :3] - np.eye(3)).max() > NEAR:
+            notes.on(piece.element, FROM_REST)
     bodies = {
         name: node.element.make(Body, **node.solid.fields(), shapes=node.shapes)
         for name, node in tree.nodes.items()
@@ -291,6 +296,15 @@ def _put_by_key(document: Document, tree: ModelTree) -> ModelTree:
     return replace(tree, nodes=moved)
 
 
+def _turn_from(joint: PairJoint, values: np.ndarray) -> np.ndarray:
+    """Return a free joint's coordinates (7) with the turn counted to its frame in the body."""
+    R = poses.of_frame(joint.frames[1])[:3, :3]
+    if np.array_equal(R, np.eye(3)):
+        return values
+    turn = poses.from_quaternion(*values[3:]) @ R
+    return np.concatenate([values[:3], poses.to_quaternion(turn)])
+
+
 def _reference(
     document: Document, tree: ModelTree, joints: Joints, closing: dict[str, PairJoint]
 ) -> dict[str, float]:
@@ -321,6 +335,8 @@ def _reference(
             values = np.concatenate(
                 [values[:1], group.axes.T @ values[1:] * (-1 if group.backwards else 1)]
             )
+        elif len(slot) == 7:
+            values = _turn_from(joints.joints[slot[0].partition(".")[0]], values)
         found |= dict(zip(slot, map(float, values), strict=False))
     # Joints that close loops are read off the poses of the bodies that they join.
     at_home = tree.poses(positions)

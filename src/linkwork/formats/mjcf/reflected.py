@@ -1,7 +1,7 @@
 """What actuators add to the joints and tendons that they move: inertia and damping, seen through
 their gears.
 
-    inertia  gear^2 armature,    damping  gear^2 d
+    inertia  gear^2 armature,    damping  gear^2 d, and so its powers
 
 Source: the MJCF reference of MuJoCo 4, "actuator/general" (armature, damping).
 """
@@ -9,22 +9,34 @@ Source: the MJCF reference of MuJoCo 4, "actuator/general" (armature, damping).
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from itertools import zip_longest
+from typing import Any, NamedTuple
 
 from linkwork.formats.mjcf.document import ACTUATORS, Document
-from linkwork.formats.mjcf.tree import ModelTree
+from linkwork.formats.mjcf.tree import ModelTree, coefficients
 from linkwork.formats.notes import Notes
+from linkwork.mechanism import Friction
 
 SINGLE = ("hinge", "slide")
 
 
 class Added(NamedTuple):
-    """Hold what is added along a joint or a tendon."""
+    """Hold what is added along a joint or a tendon: inertia and the coefficients of damping."""
 
     inertia: float = 0.0
-    damping: float = 0.0
+    damping: tuple[float, ...] = ()
+
+    def resisting(self, own: Friction) -> dict[str, Any]:
+        """Return the viscous friction of a joint or tendon with what is added, as its fields."""
+        viscous, *powers = summed(own.smooth, self.damping)
+        return {"viscous": viscous, "powers": tuple(powers)}
+
+
+def summed(one: Sequence[float], other: Sequence[float]) -> tuple[float, ...]:
+    """Return the sums of the coefficients of two polynomials."""
+    return tuple(map(sum, zip_longest(one, other, fillvalue=0.0)))
 
 
 @dataclass(frozen=True)
@@ -42,12 +54,9 @@ def reflected(document: Document, tree: ModelTree, notes: Notes) -> Reflected:
     joints, tendons = defaultdict(Added), defaultdict(Added)
     for raw in document.each("actuator", *ACTUATORS):
         element = document.resolved(raw, "actuator")
-        damping, *higher = element.numbers("damping", (1, 2, 3), (0.0,))
+        damping, powers = coefficients(element, "damping")
         armature = element.number("armature", 0.0)
-        if any(higher):
-            remark = "has a damping that is not linear; its higher powers are left out"
-            notes.on(element, remark, alters=True)
-        if not damping and not armature:
+        if not (damping or powers or armature):
             continue
         attributes = element.attributes
         joint = attributes.get("joint") or attributes.get("jointinparent")
@@ -57,8 +66,8 @@ def reflected(document: Document, tree: ModelTree, notes: Notes) -> Reflected:
             notes.on(element, remark, alters=True)
             continue
         square = element.numbers("gear", (1, 2, 3, 4, 5, 6), (1.0,))[0] ** 2
-        before = found[name]
-        found[name] = Added(before.inertia + square * armature, before.damping + square * damping)
+        before, seen = found[name], [square * d for d in (damping, *powers)]
+        found[name] = Added(before.inertia + square * armature, summed(before.damping, seen))
     return Reflected(joints, tendons)
 
 
@@ -70,9 +79,8 @@ def with_reflected(tree: ModelTree, added: Mapping[str, Added]) -> ModelTree:
     for name, node in tree.nodes.items():
         pieces = []
         for piece in node.pieces:
-            inertia, damping = added.get(piece.name or "", Added())
-            viscous = {"viscous": piece.friction.viscous + damping}
-            friction = piece.friction.model_copy(update=viscous)
-            pieces.append(replace(piece, rotor=piece.rotor + inertia, friction=friction))
+            own = added.get(piece.name or "", Added())
+            friction = piece.friction.model_copy(update=own.resisting(piece.friction))
+            pieces.append(replace(piece, rotor=piece.rotor + own.inertia, friction=friction))
         made[name] = replace(node, pieces=tuple(pieces))
     return replace(tree, nodes=made)

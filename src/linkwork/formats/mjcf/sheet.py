@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +16,7 @@ from linkwork.formats.mjcf.model_plan import Home, ModelPlan, Move
 from linkwork.formats.notes import Notes
 from linkwork.mechanism import GROUND, Mechanism
 
+GRADES = 3  # coefficients of a stiffness or damping in MJCF
 SECTIONS = ("asset", "tendon", "equality", "actuator", "keyframe")
 
 
@@ -69,6 +71,12 @@ class Sheet:
     def is_hinge_or_slide(self, label: str) -> bool:
         """Tell whether a coordinate is that of a hinge or slide of the file."""
         return label in self.moves and self.moves[label].kind in ("hinge", "slide")
+
+
+def put_graded(element: ET.Element, name: str, coefficients: Sequence[float]) -> None:
+    """Write a stiffness or damping with the powers that MJCF has of it, where it is not zero."""
+    if any(coefficients[:GRADES]):
+        element.set(name, numbers(coefficients[: GRADES if any(coefficients[1:]) else 1]))
 
 
 def put(element: ET.Element, name: str, value: float) -> None:

@@ -19,7 +19,7 @@ from linkwork.formats.mjcf.document import Document
 from linkwork.formats.mjcf.inertia import along, first_rates, inertia, mobility, with_lines
 from linkwork.formats.mjcf.loops import LoopReader
 from linkwork.formats.mjcf.reflected import Added, Reflected, with_reflected
-from linkwork.formats.mjcf.tree import LOOSE, ModelBody, ModelTree, Piece
+from linkwork.formats.mjcf.tree import ModelBody, ModelTree, Piece
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
 from linkwork.mechanism import GROUND, Cable
@@ -47,8 +47,6 @@ def with_spring_dampers(
         pieces = []
         for piece in node.pieces:
             if _wanted(piece):
-                if piece.kind == "free" and "spring" not in document.off:
-                    notes.on(piece.element, LOOSE, alters=True)
                 freed = [mobility(M, units[k]) for k in places[number]]
                 mass = float(1 / np.mean(freed))
                 pieces.append(_sprung(document, piece, simple.get(name, mass)))
@@ -91,8 +89,7 @@ def _row(
 def _sprung(document: Document, piece: Piece, mass: float) -> Piece:
     """Return a joint with the spring and damper of its T and z, but for what is switched off."""
     T, z = _time_and_ratio(piece)
-    stiffness = 0.0 if piece.kind == "free" else mass / (T * z) ** 2
-    spring = {"stiffness": stiffness, "rest": piece.springref}
+    spring = {"stiffness": mass / (T * z) ** 2, "rest": piece.springref}
     friction = {"viscous": 2 * mass / T}
     return replace(
         piece,

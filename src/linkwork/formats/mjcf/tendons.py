@@ -25,6 +25,7 @@ from linkwork.formats.mjcf.joints import Joints
 from linkwork.formats.mjcf.loops import LoopReader, following, polynomial
 from linkwork.formats.mjcf.reflected import Added
 from linkwork.formats.mjcf.tendon_limits import stop_of
+from linkwork.formats.mjcf.tree import coefficients
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
@@ -161,6 +162,7 @@ class TendonReader:
 
     def _spatial(self, element: Element, holds: Held | None) -> None:
         """Read a tendon as a rod or a spring between two points, or as a cable."""
+        # Two points, between which nothing acts but a linear spring and damper.
         parts = element.children
         straight = [part.tag for part in parts] == ["site", "site"]
         self.found.used |= {part.text("site") for part in parts if part.tag == "site"}
@@ -168,10 +170,14 @@ class TendonReader:
         driven, follows = name in self.driven, name in self.following
         rest = rest_of(element)
         more = any(element.number(key, 0.0) for key in ("frictionloss", "armature"))
+        graded = not holds and any(
+            coefficients(element, key)[1] for key in ("stiffness", "damping")
+        )
         slack = self.document.is_limited(element) or (rest and (rest[0] < 0 or rest[0] != rest[1]))
-        if straight and not (driven or follows or more) and (holds or not slack):
+        if straight and not (driven or follows or more or graded) and (holds or not slack):
             self._straight(element, holds)
             return
+        # A cable, if something needs one that moves.
         tied = holds is not None or follows
         if not (tied or driven or _acts(element) or self.document.is_limited(element)):
             self.notes.on(element, "is left out: it neither holds nor pulls")
@@ -182,6 +188,7 @@ class TendonReader:
         if not movers(cable, self._chain) and (tied or not self.document.is_limited(element)):
             self.notes.on(element, STILL)
             return
+        # What acts along it, and what holds it at a length.
         at_rest = self._way(cable, self.loops.at_rest)
         line = self._loaded(element, cable, at_rest, held=holds is not None)
         self.found.lines[name] = line
@@ -219,7 +226,7 @@ class TendonReader:
             one = "is left out: both of its ends are on one body"
             self.notes.on(element, one if bodies[0] == bodies[1] else STILL)
             return
-        stiffness, damping = (linear(self.notes, element, key) for key in ("stiffness", "damping"))
+        stiffness, damping = (coefficients(element, key)[0] for key in ("stiffness", "damping"))
         name = element.attributes.get("name", "tendon")
         # Held at a length it is a rod.
         if holds:
@@ -301,8 +308,9 @@ class TendonReader:
                 alters=True,
             )
         limited, tree = self.document.is_limited(element) and not held, self.loops.tree
-        inertia, damping = self.added.get(element.attributes.get("name", ""), Added())
-        inertia += element.number("armature", 0.0)
+        added = self.added.get(element.attributes.get("name", ""), Added())
+        resisting = added.resisting(Friction(powers=coefficients(element, "damping")[1]))
+        inertia = added.inertia + element.number("armature", 0.0)
         line = line.model_copy(update={"inertia": inertia})
         if inertia and not self._on_one_branch(line):
             self.notes.on(element, OFF_TREE, alters=True)
@@ -310,7 +318,7 @@ class TendonReader:
             update={
                 "stop": stop_of(element, line, tree, self.joints, self.notes) if limited else None,
                 "spring": self._spring(element, at_rest),
-                "friction": element.make(Friction, coulomb=friction, viscous=damping),
+                "friction": element.make(Friction, coulomb=friction, **resisting),
             }
         )
 
@@ -332,13 +340,13 @@ class TendonReader:
     def _spring(self, element: Element, at_rest: float) -> SlackSpring:
         """Return the spring and damper along a tendon whose length where joints' springs rest is
         given."""
-        stiffness, damping = (linear(self.notes, element, key) for key in ("stiffness", "damping"))
-        if not stiffness and not damping:
+        stiffness, powers = coefficients(element, "stiffness")
+        damping, _ = coefficients(element, "damping")
+        if not (stiffness or powers or damping):
             return SlackSpring()
         low, high = rest_of(element) or (at_rest, at_rest)
-        return element.make(
-            SlackSpring, stiffness=stiffness, damping=damping, rest=low, slack=high - low
-        )
+        pull = {"stiffness": stiffness, "powers": powers, "damping": damping}
+        return element.make(SlackSpring, **pull, rest=low, slack=high - low)
 
     def _at(self, ratios: Mapping[str, float], springs: bool) -> float:
         """Return a combination at qpos0, or where the joints' springs rest."""
@@ -360,18 +368,6 @@ def rest_of(tendon: Element) -> tuple[float, float] | None:
     low, *high = tendon.numbers("springlength", (1, 2), (-1.0,))
     found = low, (high or [low])[0]
     return None if found == (-1.0, -1.0) else found
-
-
-def linear(notes: Notes, element: Element, name: str) -> float:
-    """Return a coefficient of a tendon; higher powers are left out."""
-    value, *higher = element.numbers(name, (1, 2, 3), (0.0,))
-    if any(higher):
-        notes.on(
-            element,
-            f"has a {name} that is not linear; its higher powers are left out",
-            alters=True,
-        )
-    return value
 
 
 def _acts(tendon: Element) -> bool:

@@ -37,7 +37,10 @@ UNLIMITED = 1e10  # beyond this a limit stands for none [m, rad]
 Kind = Literal["hinge", "slide", "ball", "free"]
 COORDINATES = {"hinge": 1, "slide": 1, "ball": 4, "free": 7}
 TURNING = ("ball", "free")  # joints whose coordinates end with a quaternion
-LOOSE = "has a spring, which is left out: a free joint's pose has no place to be pulled to"
+APART = (
+    "has a stiffness that is not linear; its higher powers are those of each way by itself, where "
+    "MuJoCo has them of the distance"
+)
 WHOLE = "; it is against the turn as a whole, where MuJoCo has it about each axis by itself"
 FREEDOMS = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
 
@@ -193,6 +196,15 @@ def plane_normal(motions: Iterable[tuple[Kind, np.ndarray]]) -> np.ndarray | Non
     return z if flat else None
 
 
+def coefficients(element: Element, name: str) -> tuple[float, tuple[float, ...]]:
+    """Return a stiffness or damping of a joint, tendon or actuator, and the coefficients by which
+    it grows with the displacement or the rate, up to the last that is not zero."""
+    value, *powers = element.numbers(name, (1, 2, 3), (0.0,))
+    while powers and not powers[-1]:
+        powers.pop()
+    return value, tuple(powers)
+
+
 def read_tree(document: Document, notes: Notes) -> ModelTree:
     """Read all bodies of a document."""
     reader = TreeReader(document, notes)
@@ -346,15 +358,17 @@ class TreeReader:
             if kind in ("hinge", "slide")
             else 0.0
         )
-        stiffness, damping = (self.linear(element, name) for name in ("stiffness", "damping"))
-        spring = Spring()
-        if kind == "free" and stiffness:
-            self.notes.on(element, LOOSE, alters=True)
-        elif stiffness:
-            spring = element.make(Spring, stiffness=stiffness, rest=springref)
-        friction = element.make(
-            Friction, viscous=damping, coulomb=element.number("frictionloss", 0.0)
-        )
+        stiffness, hardening = coefficients(element, "stiffness")
+        damping, thickening = coefficients(element, "damping")
+        spring, coulomb = Spring(), element.number("frictionloss", 0.0)
+        if stiffness or hardening:
+            spring = element.make(Spring, stiffness=stiffness, powers=hardening, rest=springref)
+        friction = element.make(Friction, viscous=damping, powers=thickening, coulomb=coulomb)
+        if kind == "free" and hardening:
+            self.notes.on(element, APART, alters=True)
+        if kind in TURNING and thickening:
+            remark = f"has a damping that is not linear{WHOLE}"
+            self.notes.on(element, remark, alters=True)
         if friction.coulomb:
             remark = (
                 "has dry friction, which is smoothed here: frictionloss is the Coulomb force, "
@@ -378,17 +392,6 @@ class TreeReader:
 
     def scaled(self, kind: Kind, element: Element, value: float) -> float:
         return value if kind == "slide" else self.document.compiler_of(element).angle(value)
-
-    def linear(self, element: Element, name: str) -> float:
-        """Return a coefficient of a joint or tendon; higher powers are left out."""
-        value, *higher = element.numbers(name, (1, 2, 3), (0.0,))
-        if any(higher):
-            self.notes.on(
-                element,
-                f"has a {name} that is not linear; its higher powers are left out",
-                alters=True,
-            )
-        return value
 
     def limits(self, kind: Kind, element: Element) -> Limits:
         if kind == "free" or not self.document.is_limited(element):

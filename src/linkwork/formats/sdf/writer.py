@@ -335,6 +335,8 @@ def tell_losses(sheet: SdfSheet) -> None:
     own = [each for joint in mechanism.pairs.values() for each in joint.effects().values()]
     if any(each.stop for each in own):
         say("stops are left out: SDF's limits follow another law", alters=True)
+    if any(any((*each.spring.powers, *each.friction.powers)) for each in own):
+        say("powers of springs and friction are left out", alters=True)
     if any(each.spring.damping or each.friction.static or each.friction.bristle for each in own):
         say("dampers of springs, static friction and bristles are left out", alters=True)
     if named := ", ".join(bearings(mechanism.joints)):

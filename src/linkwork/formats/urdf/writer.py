@@ -301,6 +301,8 @@ def tell_losses(sheet: UrdfSheet) -> None:
     plain = Friction()
     if any(each.stop for each in own):
         say("stops are left out: URDF has limits alone", alters=True)
+    if any(any((*each.spring.powers, *each.friction.powers)) for each in own):
+        say("powers of springs and friction are left out", alters=True)
     if any(each.spring.damping or each.friction.static or each.friction.bristle for each in own):
         say("dampers of springs, static friction and bristles are left out", alters=True)
     if named := ", ".join(bearings(mechanism.joints)):

@@ -90,7 +90,13 @@ def carry(mechanism: Mechanism, guess: Guess) -> Carried:
     for name in meetings(mechanism):
         raise EngineError(f"{name}: engines stop by laws of their own; compare without stops")
     for name, joint in mechanism.joints.items():
-        if any(own.friction.static or own.friction.bristle for own in joint.effects().values()):
+        effects = joint.effects().values()
+        if any((*own.friction.powers, *own.spring.powers) for own in effects):
+            raise EngineError(
+                f"joints.{name}: engines have linear springs and viscous friction alone; compare "
+                "without their powers"
+            )
+        if any(own.friction.static or own.friction.bristle for own in effects):
             raise EngineError(
                 f"joints.{name}: engines have no friction with a rise or bristles; compare without"
             )
