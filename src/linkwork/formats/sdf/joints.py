@@ -76,7 +76,6 @@ class SdfJoint:
 class JointReader:
     """Read joints, those between the bodies that others are made of, and gears."""
 
-    version: tuple[int, int]
     bodies: dict[str, str]  # what links are called here, by their names with those of the models
     notes: Notes
     names: FreeNames
@@ -223,7 +222,7 @@ class JointReader:
             raise element.refusal("xyz has no length; give a direction such as '0 0 1'")
         # The frame that it is given in, if not the joint's own.
         frame = "" if inner is None else inner.attributes.get("expressed_in", "")
-        if element.inner_flag("use_parent_model_frame", self.version < OLD_AXES):
+        if element.inner_flag("use_parent_model_frame", joint.scope.version < OLD_AXES):
             frame = MODEL
         if frame:
             own = joint.scope.pose(joint.element.text("name"), element)[:3, :3]

@@ -201,7 +201,7 @@ def _pose_in_link(scope: Scope, link: Element, part: Element) -> np.ndarray:
     pose = part.inner("pose")
     if pose is None:
         return np.eye(4)
-    relative = pose.attributes.get("relative_to", "")
+    relative = scope.relative(pose)
     if not relative:
         return read_pose(pose)
     base = poses.inverse(scope.pose(link.text("name"), link))

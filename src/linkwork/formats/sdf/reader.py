@@ -43,7 +43,6 @@ from linkwork.mechanism.body import rigid
 from linkwork.mechanism.consistency import neighbours, reached
 from linkwork.solids.solid import Solid
 
-LATEST = "1.12"
 EARTH, WORLDLY = (0.0, 0.0, -9.81), (0.0, 0.0, -9.8)  # usual; of a world that says nothing
 NOISE = 1e-15  # moments of inertia that rounding leaves, relative to mass times squared reach
 SILENT = (
@@ -75,7 +74,7 @@ def read_sdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
 
 def _mechanism(root: Element, top: Scope, notes: Notes, reading: Reading) -> Mechanism:
     """Read a document with its models as scopes."""
-    version, scopes = _version(root), list(top.all())
+    scopes = list(top.all())
     _survey(scopes, notes)
     # Links that move are bodies.
     body_names, bodies, keys, lifts = FreeNames(notes, (GROUND,)), {}, {}, {}
@@ -87,7 +86,7 @@ def _mechanism(root: Element, top: Scope, notes: Notes, reading: Reading) -> Mec
             if not link.inner_flag("gravity", True) and body.mass:
                 lifts[called] = Lift(body=called, point=body.centre_of_mass, mass=body.mass)
     # Joints between them, gears between joints, and free joints where nothing holds.
-    reader = JointReader(version, keys, notes, FreeNames(notes), body_names)
+    reader = JointReader(keys, notes, FreeNames(notes), body_names)
     for scope in scopes:
         reader.scope(scope)
     reader.couplings()
@@ -110,14 +109,6 @@ def _mechanism(root: Element, top: Scope, notes: Notes, reading: Reading) -> Mec
         )
     except MechanismError as error:
         raise MechanismError(f"{root.file}: {error}") from None
-
-
-def _version(root: Element) -> tuple[int, int]:
-    """Return the version of the format, of which 1.11 is later than 1.5."""
-    root = root.with_attributes({"version": LATEST, **root.attributes})
-    root.number("version")  # which refuses what is none
-    major, _, minor = root.text("version").strip().partition(".")
-    return (int(major), int(minor or 0)) if f"{major}{minor or 0}".isdecimal() else (1, 0)
 
 
 def _survey(scopes: Iterable[Scope], notes: Notes) -> None:

@@ -24,6 +24,8 @@ MODEL = "__model__"
 WORLD = "world"
 BETWEEN = "::"
 PARTS = ("link", "frame", "joint")
+LATEST = "1.12"
+RELATIVE = (1, 7)  # the version from which on poses say `relative_to` and not `frame`
 
 
 @dataclass
@@ -36,6 +38,7 @@ class Scope:
         models: its nested models; merged: those whose parts count as its own.
         static: whether all of it stands still.
         place: the element that gives the model's pose, of the model or of what includes it.
+        version: of the format, as the file says that it comes from.
     """
 
     element: Element
@@ -43,6 +46,7 @@ class Scope:
     parent: Scope | None = None
     path: str = ""
     static: bool = False
+    version: tuple[int, int] = (1, 12)
     named: dict[str, Element] = field(default_factory=dict)
     models: dict[str, Scope] = field(default_factory=dict)
     merged: list[Scope] = field(default_factory=list)
@@ -115,8 +119,13 @@ class Scope:
         pose = part.inner("pose")
         if pose is None:
             return self.pose(base, part)
-        relative = pose.attributes.get("relative_to", "") or base
+        relative = self.relative(pose) or base
         return self.pose(relative, pose) @ read_pose(pose)
+
+    def relative(self, pose: Element) -> str:
+        """Return what a pose is relative to by its own word, or nothing."""
+        old = pose.attributes.get("frame", "") if self.version < RELATIVE else ""
+        return pose.attributes.get("relative_to", "") or old
 
     def _inside(self, name: str, asking: Element) -> tuple[Scope, str]:
         """Return the scope in which a name stands, and the name there."""
@@ -183,6 +192,14 @@ class Scope:
             if model.moves():
                 return model.canonical()
         raise self.element.refusal("holds no link")
+
+
+def version_of(root: Element) -> tuple[int, int]:
+    """Return the version of the format, of which 1.11 is later than 1.5."""
+    root = root.with_attributes({"version": LATEST, **root.attributes})
+    root.number("version")  # which refuses what is none
+    major, _, minor = root.text("version").strip().partition(".")
+    return (int(major), int(minor or 0)) if f"{major}{minor or 0}".isdecimal() else (1, 0)
 
 
 def read_pose(pose: Element) -> np.ndarray:
