@@ -35,6 +35,7 @@ from linkwork.mechanism import (
     Mechanism,
     PairJoint,
 )
+from linkwork.mechanism.record import swapped
 
 
 @dataclass(frozen=True)
@@ -206,9 +207,7 @@ def ended(mechanism: Mechanism, topology: Topology, names: Sequence[str]) -> Top
         joint, end = closing[name], f"end of {name}"
         first, second = joint.connects
         branches.append(Branch(name, first, end, False))
-        joints[name] = joint.model_copy(
-            update={"connects": (first, end), "frames": (joint.frames[0], Frame())}
-        )
+        joints[name] = swapped(joint, connects=(first, end), frames=(joint.frames[0], Frame()))
         closing[name] = FixedJoint(connects=(end, second), frames=(Frame(), joint.frames[1]))
     order = list(mechanism.pairs)
     ordered = {

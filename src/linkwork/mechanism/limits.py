@@ -10,7 +10,7 @@ from linkwork.mechanism.contact import touch_names
 from linkwork.mechanism.effects import Limits
 from linkwork.mechanism.joints import TURN, JointFreedom
 from linkwork.mechanism.mechanism import Mechanism
-from linkwork.mechanism.record import Record
+from linkwork.mechanism.record import Record, swapped
 from linkwork.mechanism.transmissions import Cable, LoadedLength, PulleyBlock, acts
 
 
@@ -94,7 +94,7 @@ def at_surfaces(mechanism: Mechanism) -> dict[str, AtSurface]:
             continue
         # The length of a held one may leap no more than if an inertia moved with it.
         if name in held:
-            line = line.model_copy(update={"inertia": 1.0})
+            line = swapped(line, inertia=1.0)
         happening = (
             AtSurface(line, place, what)
             for what, places in (

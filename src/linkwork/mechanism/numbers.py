@@ -26,6 +26,7 @@ from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.places import SECTIONS as SECTIONS
 from linkwork.mechanism.places import Where, contents, located, placed
 from linkwork.mechanism.quantities import borne, reworked
+from linkwork.mechanism.record import swapped
 from linkwork.mechanism.refusal import MechanismError, shown
 
 __all__ = [
@@ -96,7 +97,7 @@ def without(mechanism: Mechanism, where: Where) -> Mechanism:
     if path not in mechanism.formulas:
         return mechanism
     kept = {other: text for other, text in mechanism.formulas.items() if other != path}
-    return mechanism.model_copy(update={"formulas": kept})
+    return swapped(mechanism, formulas=kept)
 
 
 def enters_nothing(where: Where) -> bool:

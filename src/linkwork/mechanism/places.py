@@ -8,7 +8,7 @@ from typing import Any
 
 from linkwork.mechanism.effects import Friction, Spring
 from linkwork.mechanism.joints import ManyFreedoms
-from linkwork.mechanism.record import Record
+from linkwork.mechanism.record import Record, swapped
 from linkwork.mechanism.refusal import MechanismError, shown, suggestion
 
 SECTIONS = (
@@ -108,6 +108,6 @@ def placed(item: Any, where: Where, value: Any) -> Any:
     inside = contents(item)
     part = placed(inside[where[0]], where[1:], value)
     if isinstance(item, Record):
-        return item.model_copy(update={where[0]: part})
+        return swapped(item, **{where[0]: part})
     inside[where[0]] = part
     return tuple(inside.values()) if isinstance(item, tuple) else inside

@@ -19,7 +19,7 @@ from pydantic import AfterValidator, WithJsonSchema
 from linkwork import checks
 from linkwork.mechanism import formulas as formula
 from linkwork.mechanism.places import Where, located, placed
-from linkwork.mechanism.record import Record
+from linkwork.mechanism.record import Record, swapped
 from linkwork.mechanism.refusal import MechanismError, shown
 
 Described = TypeVar("Described", bound=Record)
@@ -280,7 +280,7 @@ def reworked(mechanism: Any, changed: set[str]) -> Any:
     """Return a description in which all that follows from changed quantities is worked out anew,
     unchecked."""
     let = quantities(mechanism.let, own_formulas(mechanism))
-    result = mechanism.model_copy(update={"let": let})
+    result = swapped(mechanism, let=let)
     for path, text in following(mechanism, changed).items():
         with told(tuple(path.split("."))):
             value = formula.value_of(text, let)
@@ -305,7 +305,7 @@ def with_quantities(
         refuse_place(where, text, {"bodies": {name: {"mass": 0.0} for name in whole.bodies}})
         texts[".".join(where)] = text
     every = {f"let.{name}": text for name, text in own.items()} | texts
-    made = mechanism.model_copy(update={"let": values, "formulas": every})
+    made = swapped(whole, let=values, formulas=every)
     result = reworked(made, set(values))
     for path, text in texts.items():  # those of plain numbers, too
         with told(tuple(path.split("."))):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from inspect import Parameter, Signature, cleandoc
 from textwrap import fill
 from types import NoneType, UnionType
-from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -60,6 +60,9 @@ Amount = Annotated[float, Field(ge=0, le=HUGE, allow_inf_nan=False), PLAIN, FULL
 Positive = Annotated[float, Field(gt=0, le=HUGE, allow_inf_nan=False), PLAIN, FULL]
 Component = Annotated[float, Field(ge=-HUGE, le=HUGE, allow_inf_nan=False), PLAIN, FULL]
 Vector3 = tuple[Component, Component, Component]
+
+
+R = TypeVar("R", bound=BaseModel)
 
 
 class Written(str):
@@ -151,8 +154,22 @@ class Record(BaseModel):
             raise first_refusal(error, type(self), fields) from None
         fix_entries(vars(self))
 
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with other values of some fields, which are checked as all are.
+
+        Raises:
+            MechanismError: fields that there are not, values that they may not have.
+        """
+        return type(self)(**{**vars(self), **update}) if update else super().model_copy(deep=deep)
+
     def __setattr__(self, name: str, value: Any) -> None:
         raise MechanismError(f"{name} of a frozen {type(self).__name__} is not set; make another")
+
+
+def swapped(record: R, **fields: Any) -> R:
+    """Return a copy of a record with other values of some fields, unchecked: symbols of free
+    numbers, and what is not whole yet."""
+    return BaseModel.model_copy(record, update=fields)  # pyright: ignore[reportReturnType]
 
 
 def checked_name(name: str) -> str:
