@@ -250,7 +250,7 @@ def shifted(robot: Robot, state: State, xi: np.ndarray) -> State | None:
     ):
         return None
     (positions,) = robot.kernel("positions")(q)
-    return State(positions, state.rates, q, state.coordinates, state.independent)
+    return State.known(positions, state.rates, q, state.coordinates, state.independent)
 
 
 def settled(K: np.ndarray, E: float) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, ClassVar, NoReturn
 
 import numpy as np
@@ -379,11 +378,11 @@ def mode_of(mode: AutoresetMode | str) -> AutoresetMode:
 
 def stacked(state: State, count: int) -> State:
     """Return a stack of so many times the same state."""
-    parts = {
-        name: np.broadcast_to(values, (count, values.size)).copy()
-        for name, values in (("positions", state.positions), ("rates", state.rates), ("q", state.q))
-    }
-    return replace(state, **parts)
+    parts = (
+        np.broadcast_to(values, (count, values.size)).copy()
+        for values in (state.positions, state.rates, state.q)
+    )
+    return State.known(*parts, state.coordinates, state.independent)
 
 
 def starts_of(process: DecisionProcess) -> State:

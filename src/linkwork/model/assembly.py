@@ -23,7 +23,6 @@ from linkwork.kernels import Kernel
 from linkwork.model.asked import Asked, ToolAsked
 from linkwork.model.closing import MATRICES, Least
 
-OPEN_LOOPS = 1e-6  # gaps of loops, in the mechanism's own units, that no state of a robot has
 LEG_SINGULAR = 1e-9
 FAR, TURNS = 100.0, 4 * np.pi  # own lengths and angles from which on a unit may be another
 TOOL = ("position", "orientation", "angle", "J_tool", "bias_tool")

@@ -23,6 +23,8 @@ from linkwork.errors import LinkworkError
 from linkwork.model.state import State
 
 DOUBLE = np.dtype(float)
+OPEN_LOOPS = 1e-6  # gaps of loops, in the mechanism's own units, that no state of a robot has
+APART = 1e-3  # of positions and those that q tells, in own units: what such gaps may make
 PIVOT_BOUND = 1e-4  # errors of v enter the dependent rates multiplied by about 1 / pivot
 
 
@@ -138,10 +140,13 @@ def refuse_shape(array: np.ndarray, what: str, names: Sequence[str]) -> NoReturn
 
 
 def refuse_foreign(
-    state: object, coordinates: Sequence[str], charts: Iterable[tuple[object, ...]]
+    state: object, coordinates: Sequence[str], charts: Iterable[tuple[object, ...]], nq: int
 ) -> None:
     """Refuse what is not a state of this robot; states of an equal robot (the same joints) are
-    accepted."""
+    accepted.
+
+    nq: how many coordinates its tree has
+    """
     if not isinstance(state, State):
         raise LinkworkError(
             f"a state is needed, not {type(state).__name__}; make one by robot.state or "
@@ -155,6 +160,38 @@ def refuse_foreign(
         raise LinkworkError(
             f"the state belongs to another robot: its joints are {found}, not "
             f"{', '.join(coordinates)}"
+        )
+    counts = {"positions": len(coordinates), "rates": len(state.independent), "q": nq}
+    for name, count in counts.items():
+        if getattr(state, name).shape != (*state.batch, count):
+            raise LinkworkError(
+                f"the state's {name} have the shape {getattr(state, name).shape}, not "
+                f"{(*state.batch, count)}; make it by robot.state or robot.assemble"
+            )
+    if not state.batch:
+        finite(state.q, "the state's q")
+
+
+def refuse_apart(state: State, gap: np.ndarray, told: np.ndarray, sizes: np.ndarray) -> None:
+    """Refuse a state whose loops are open, or whose positions are not those that its q tells.
+
+    gap: of the loops (...), in own units; told: positions by q (..., m); sizes: own units of these
+    (m)
+    """
+    if (worst := float(gap.max(initial=0.0))) > OPEN_LOOPS:
+        raise LinkworkError(
+            f"the state belongs to another robot: its loops are open by {worst:.3g} here; make one "
+            "by this robot"
+        )
+    if state.batch and not np.isfinite(state.q).all():  # some of it has failed
+        return
+    apart = np.abs(told - state.positions) / sizes
+    if not (apart <= APART).all():
+        place = np.unravel_index(int(np.argmax(np.nan_to_num(apart, nan=np.inf))), apart.shape)
+        raise LinkworkError(
+            f"the state's positions are not those of its q: {state.coordinates[int(place[-1])]} is "
+            f"{state.positions[place]:.6g}, and by q {told[place]:.6g}; make it by robot.state or "
+            "robot.assemble"
         )
 
 

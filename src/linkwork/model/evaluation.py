@@ -4,7 +4,6 @@ are singular."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -53,7 +52,7 @@ def in_chart(robot: Model, state: State, names: tuple[str, ...]) -> State:
             "give a state at rest, and then its rates"
         )
     robot.charts[names] = chart
-    return replace(state, rates=rates, independent=names)
+    return State.known(state.positions, rates, state.q, state.coordinates, names)
 
 
 def outputs(

@@ -22,7 +22,7 @@ from linkwork.mechanism import Mechanism
 from linkwork.mechanism.bearing import bearings
 from linkwork.model import checks
 from linkwork.model.asked import Asked, JointsAsked, ToolAsked, values_kernel
-from linkwork.model.assembly import OPEN_LOOPS, Assembler, evaluate
+from linkwork.model.assembly import Assembler, evaluate
 from linkwork.model.charts import Charts, CompiledChart, shorter
 from linkwork.model.closing import Least, approach
 from linkwork.model.derivations import derived, kept
@@ -248,7 +248,9 @@ class Model(SetOnce):
         """Return the state of tree coordinates q (..., nq) and rates v (..., n) of this chart."""
         q = np.ascontiguousarray(q)
         (positions,) = self.kernel("positions")(q)
-        return State(positions, np.ascontiguousarray(v), q, self.coordinates, self.independent)
+        return State.known(
+            positions, np.ascontiguousarray(v), q, self.coordinates, self.independent
+        )
 
     def windings(self, state: State) -> np.ndarray:
         """Return the whole turns of joints' coordinates (..., m) that a state holds beside its
@@ -258,16 +260,16 @@ class Model(SetOnce):
             return 0 * read
         return self.labels.windings(state.positions, read)
 
-    def own(self, state: State) -> State:
-        """Return a state for this robot; refuse the state of another one."""
+    def own(self, state: State, alike: bool = True) -> State:
+        """Return a state for this robot; refuse the state of another one; alike: one of its own
+        numbers, by which its loops are closed."""
         if not (isinstance(state, State) and state.coordinates is self.coordinates):
-            checks.refuse_foreign(state, self.coordinates, self.charts)
-            gap = float(self.kernel("closure_step")(state.q)[1].max(initial=0.0))
-            if gap > OPEN_LOOPS:
-                raise LinkworkError(
-                    f"the state belongs to another robot: its loops are open by {gap:.3g} here; "
-                    "make one by this robot"
-                )
+            checks.refuse_foreign(state, self.coordinates, self.charts, self.equations.nq)
+            if alike:
+                gap = self.kernel("closure_step")(state.q)[1]
+                (read,) = self.kernel("positions")(state.q)
+                told = self.labels.nearest(read, state.positions)
+                checks.refuse_apart(state, gap, told, self.labels.sizes)
         return state
 
     def require_tool(self) -> None:

@@ -289,7 +289,8 @@ def columns_of(network: Network, loads: Loads) -> tuple[np.ndarray, np.ndarray, 
     work /= lengths(S)
     if rods := network.tree_rods:
         free = complement(constraints(network, loads, rods)) @ W[:, rods]
-        work = np.concatenate([work, free.reshape(len(ends), -1, network.columns)], axis=1)
+        rows = len(ends), free.shape[1] * free.shape[2], network.columns
+        work = np.concatenate([work, free.reshape(rows)], axis=1)
     return W, acting, work
 
 

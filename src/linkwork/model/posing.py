@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from linkwork.equations.reference import CLOSED, tree_coordinates, unit
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
-from linkwork.model.assembly import OPEN_LOOPS
+from linkwork.model.checks import OPEN_LOOPS
 from linkwork.model.closing import settled
 from linkwork.model.stacks import undoubted
 from linkwork.model.state import State, with_positions
@@ -47,7 +47,7 @@ def state(
                 np.ascontiguousarray(np.broadcast_to(x, (*batch, x.shape[-1])))
                 for x in (read, v, q)
             )
-        return State(read, v, q, robot.coordinates, robot.independent)
+        return State.known(read, v, q, robot.coordinates, robot.independent)
     # Loops that are open by little are closed; what is open by more is refused.
     given = checks.values_by_name(positions, robot.coordinates, "positions", "joint coordinate")
     q = of_tree(robot, given)

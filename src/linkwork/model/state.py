@@ -5,17 +5,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import amount, finite, shown
+from linkwork.checks import amount, finite, reals, shown
 from linkwork.errors import LinkworkError
 from linkwork.notebooks import Portrayed
 from linkwork.readonly import ReadOnlyArrays
 from linkwork.simulation.variables import LazyAttribute
 
+FIELDS = ("positions", "rates", "q", "coordinates", "independent")
 SHOWN, POSITIONS, RATES = 6, 24, 12  # names, numbers of one state in a repr
 
 
@@ -28,6 +29,9 @@ class State(ReadOnlyArrays):
     rates: independent rates v (..., n) [m/s, rad/s], in the order of `independent`
     q: the tree's coordinates (..., nq), of which all the others are functions
     coordinates, independent: names
+
+    One that is made by hand is looked at by each call of a robot that it is given to, which refuses
+    numbers that do not belong together.
     """
 
     positions: np.ndarray
@@ -35,6 +39,26 @@ class State(ReadOnlyArrays):
     q: np.ndarray
     coordinates: tuple[str, ...]
     independent: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("positions", "rates", "q"):
+            values = getattr(self, name)
+            if (array := reals(values)) is None or not array.ndim:
+                raise LinkworkError(f"the state's {name} are {shown(values)}; give arrays")
+            object.__setattr__(self, name, array)
+        for name in ("coordinates", "independent"):  # by which robots know their own states
+            object.__setattr__(self, name, tuple([*getattr(self, name)]))
+        super().__post_init__()
+
+    @classmethod
+    def known(cls, *fields: Any) -> Self:
+        """Return a state of numbers that a robot has found, in the order of the fields: one of its
+        own, which it looks at no more."""
+        state = object.__new__(cls)
+        for name, value in zip(FIELDS, fields, strict=True):
+            object.__setattr__(state, name, value)
+        ReadOnlyArrays.__post_init__(state)
+        return state
 
     def __getitem__(self, coordinate: str) -> np.ndarray:
         """Return one joint coordinate (...) [m, rad]."""
@@ -84,7 +108,7 @@ class State(ReadOnlyArrays):
             )
         if values.shape != shape:
             values = np.broadcast_to(values, shape).copy()
-        return State(self.positions, values, self.q, self.coordinates, self.independent)
+        return State.known(self.positions, values, self.q, self.coordinates, self.independent)
 
     def at(self, index: int | slice | np.ndarray) -> State:
         """Return some of the stacked states.
@@ -94,7 +118,7 @@ class State(ReadOnlyArrays):
         if not self.batch:
             raise LinkworkError("this is one state, not a stack of states; it has no index")
         try:
-            return State(
+            return State.known(
                 self.positions[index],
                 self.rates[index],
                 self.q[index],
@@ -110,7 +134,7 @@ class State(ReadOnlyArrays):
         if self.batch:
             return f"State(stack of shape {self.batch}, coordinates: {_some(self.coordinates)})"
         positions, rates = (
-            _some([f"{name}={value:.6g}" for name, value in zip(names, values, strict=True)], most)
+            _some([f"{name}={x:.6g}" for name, x in zip(names, values.flat, strict=False)], most)
             for names, values, most in (
                 (self.coordinates, self.positions, POSITIONS),
                 (self.independent, self.rates, RATES),
@@ -122,7 +146,7 @@ class State(ReadOnlyArrays):
 def with_positions(state: State, positions: np.ndarray) -> State:
     """Return the same states told with other positions (..., m), such as with whole turns of joints
     that close loops."""
-    return State(positions, state.rates, state.q, state.coordinates, state.independent)
+    return State.known(positions, state.rates, state.q, state.coordinates, state.independent)
 
 
 class Reached(State):

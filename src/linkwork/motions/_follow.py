@@ -201,7 +201,7 @@ def joined(states: list[State]) -> State:
     """Return single states as a stack."""
     first = states[0]
     zero = np.zeros((len(states), len(first.independent)))
-    stack = State(
+    stack = State.known(
         np.empty(0), zero, np.array([s.q for s in states]), first.coordinates, first.independent
     )
     return with_positions(stack, np.array([s.positions for s in states]))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from numpy.typing import ArrayLike
 
 from linkwork.model import assembling, checks, evaluation, path_following, posing
-from linkwork.model.assembly import OPEN_LOOPS
+from linkwork.model.checks import OPEN_LOOPS
 from linkwork.model.state import Motion, State
 from linkwork.notebooks import Portrayed
 from linkwork.paths import Path

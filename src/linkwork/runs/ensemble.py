@@ -116,8 +116,9 @@ class Ensemble(ReadOnlyArrays, Portrayed):
         state, _ = self._reached
         if not self.members.robot.labels.may_wind:
             return state
-        values: dict[str, Any] = vars(state) | {"positions": self._wound}
-        return Reached(**values)
+        return Reached.known(
+            self._wound, state.rates, state.q, state.coordinates, state.independent
+        )
 
     def _wound(self) -> np.ndarray:
         """Return the coordinates of all joints at the ends (N, m), with their whole turns."""

@@ -17,9 +17,9 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism.numbers import edited
 from linkwork.mechanism.refusal import MechanismError
 from linkwork.model import checks
-from linkwork.model.assembly import OPEN_LOOPS
 from linkwork.model.chart_transfer import reread
 from linkwork.model.charts import CompiledChart
+from linkwork.model.checks import OPEN_LOOPS
 from linkwork.model.parameters import with_parameters
 from linkwork.model.state import State
 from linkwork.runs.cable_leaps import tell_leaps
@@ -194,7 +194,8 @@ def members(
     joined: whether the system is to be one with controllers, for forces alone, too
     """
     # What acts on all of them, and the states that they start in.
-    state = robot.own(states)
+    own = isinstance(parameters, Mapping) and not parameters.keys().isdisjoint(robot.parameters)
+    state = robot.own(states, alike=not own)
     if len(state.batch) > 1:
         raise LinkworkError(
             f"the states are a stack of the shape {state.batch}; give a list of N states, or one "

@@ -187,7 +187,7 @@ def last_states(
         robot.charts.setdefault(common.independent, common)
     q = whole(q, turns)
     (positions,) = robot.kernel("positions")(q, batch.p_robot())
-    return State(positions, v, q, robot.coordinates, common.independent), z[
+    return State.known(positions, v, q, robot.coordinates, common.independent), z[
         :, : len(batch.system.extras)
     ]
 

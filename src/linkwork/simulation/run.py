@@ -415,7 +415,7 @@ def _final_state(attrs: dict[str, Any], coords: Mapping[str, Variable]) -> "Stat
     )
     names = listed(str(attrs.pop(f"{FINAL}_names")), map(str, coords["rate"].values))
     labels = tuple(map(str, coords["coordinate"].values))
-    return State(positions, rates, q, labels, names)
+    return State.known(positions, rates, q, labels, names)
 
 
 _WRITERS: dict[str, Callable[[Run, Path], None]] = {

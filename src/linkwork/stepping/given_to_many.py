@@ -12,7 +12,6 @@ from linkwork.checks import reals, shown
 from linkwork.control.events import Event
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
-from linkwork.model import checks
 from linkwork.model.state import State
 
 if TYPE_CHECKING:
@@ -23,9 +22,7 @@ Index = int | slice | Sequence[int] | np.ndarray
 
 def require_states(robot: Model, state: State, size: int) -> State:
     """Return states, one or as many as are asked for; refuse others."""
-    if not isinstance(state, State):
-        checks.refuse_foreign(state, robot.coordinates, robot.charts)
-    if robot.own(state).batch not in ((), (size,)):
+    if robot.own(state, alike=not robot.parameters).batch not in ((), (size,)):
         raise LinkworkError(
             f"the states are a stack of the shape {state.batch}; give one, or {size}"
         )

@@ -124,7 +124,7 @@ class HeldMembers:
         q = np.ascontiguousarray(whole(held[:, :nq], self._herd.turns[:, :N].T))
         (read,) = robot.kernel("positions")(q, batch.p_robot())
         self._seen[:] = robot.labels.nearest(read, self._seen)
-        return State(self._seen.copy(), rates, q, robot.coordinates, robot.independent)
+        return State.known(self._seen.copy(), rates, q, robot.coordinates, robot.independent)
 
     def read(self, out: np.ndarray | None = None, index: Index | None = None) -> np.ndarray:
         """Return what the `readings` that the steppers were made with say of the present states

@@ -451,7 +451,9 @@ class Stepper:
 
     def _record(self) -> RunRecord:
         """Return what tells all quantities of the present state."""
-        begun = replace(self._robot.home, positions=self.positions, q=self.q.copy())
+        home = self._robot.home
+        named = home.coordinates, home.independent
+        begun = State.known(self.positions, home.rates, self.q.copy(), *named)
         segments = [self._segment(Status.FINISHED)]
         return RunRecord(self._robot, self._system, segments, np.empty(0), begun, True)
 
@@ -475,8 +477,6 @@ def portions_taken(take: Callable[[int], None], steps: int, most: int) -> int:
 
 def require_one(robot: Model, state: State) -> None:
     """Refuse what is no state, or a stack of them."""
-    if not isinstance(state, State):
-        checks.refuse_foreign(state, robot.coordinates, robot.charts)
     if robot.own(state).batch:
         raise LinkworkError(
             f"the states are a stack of the shape {state.batch}; a stepper takes one: "

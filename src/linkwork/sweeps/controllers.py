@@ -134,7 +134,7 @@ def changed(robot: Robot, numbers: tuple[tuple[str, float], ...]) -> Robot:
 
 def posed(model: Robot, goal: State) -> State:
     """Return the pose of a model with the independent coordinates of a goal."""
-    near = State(goal.positions, goal.rates, goal.q, model.coordinates, model.independent)
+    near = State.known(goal.positions, goal.rates, goal.q, model.coordinates, model.independent)
     return model.assemble({name: float(goal[name]) for name in model.independent}, guess=near)
 
 

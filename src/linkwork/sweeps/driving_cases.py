@@ -146,7 +146,7 @@ def reached(study: Study, name: str, robot: Robot, start: State) -> State | Moti
     Raises:
         StudyError: a goal out of reach.
     """
-    guess = State(start.positions, start.rates, start.q, robot.coordinates, robot.independent)
+    guess = State.known(start.positions, start.rates, start.q, robot.coordinates, robot.independent)
     try:
         return study.controllers[name].goal.reached(robot, guess, study.duration, study.samples)
     except LinkworkError as error:

@@ -48,7 +48,7 @@ def posed(study: Study, robot: Robot, values: Mapping[str, float], near: State) 
         for name, value in values.items()
         if name.startswith(JOINTS)
     }
-    guess = State(near.positions, near.rates, near.q, robot.coordinates, robot.independent)
+    guess = State.known(near.positions, near.rates, near.q, robot.coordinates, robot.independent)
     still = {name: float(near[name]) for name in robot.independent if name in robot.coordinates}
     if not joints and pose is None:
         joints = still

@@ -48,7 +48,7 @@ def starts(bench: Bench, values: np.ndarray) -> tuple[State, np.ndarray]:
             v[:, robot.independent.index(name.removeprefix(RATES))] = of[name]
     q[status != 0] = bench.start.q
     (positions,) = robot.kernel("positions")(q, p)
-    found = State(positions, v, q, robot.coordinates, robot.independent)
+    found = State.known(positions, v, q, robot.coordinates, robot.independent)
     given = joints_given(bench, of, count)
     asked = robot.joints_asked(tuple(given)).places, stacked(given)
     return wound(robot, found, bench.start, asked if given else None), status
