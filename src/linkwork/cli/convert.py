@@ -24,7 +24,7 @@ def convert(
 ) -> None:
     """Read a robot of the catalogue or a model file, write it in another format, and say what was
     left out."""
-    files = [target, *[target.with_suffix(".yaml")] * (loops == "beside")]
+    files = [target, target.with_suffix(".yaml")] if loops == "beside" else [target]
     for file in files:
         refuse_existing(file, overwrite)
     with patience("reading the model"):

@@ -352,6 +352,8 @@ def _read_defaults(section: Element, name: str, defaults: Defaults) -> None:
             table.own.setdefault(kind, []).append(element)
     for subclass in section.each("default"):
         child = subclass.text("class")
+        if child in defaults:
+            raise subclass.refusal(f"gives class {xml.shortened(child)} again; keep one of both")
         defaults[child] = Class(table)
         _read_defaults(subclass, child, defaults)
 

@@ -27,7 +27,7 @@ from linkwork.formats.mjcf.loops import Equality, LoopReader, Ties
 from linkwork.formats.mjcf.reflected import reflected, with_reflected
 from linkwork.formats.mjcf.replicas import every
 from linkwork.formats.mjcf.spring_dampers import with_spring_dampers
-from linkwork.formats.mjcf.survey import MAKERS, SOFT, UNMADE, survey
+from linkwork.formats.mjcf.survey import MAKERS, SOFT, UNMADE, require_names, survey
 from linkwork.formats.mjcf.tendons import TendonReader, Tendons
 from linkwork.formats.mjcf.tree import COORDINATES, NEAR, TURNING, ModelTree, read_tree
 from linkwork.formats.names import FreeNames
@@ -86,6 +86,7 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
     # The tree of bodies.
     root = document.root
     tree = aligned(document, read_tree(document, notes))
+    require_names(document)
     added = reflected(document, tree, notes)
     tree = with_reflected(with_spring_dampers(document, tree, added, notes), added.joints)
     standing = _put_by_key(document, tree)

@@ -170,6 +170,36 @@ RANGES = {"range", "ctrlrange", "forcerange", "actrange", "actuatorfrcrange"}
 OUT_OF_ORDER = "no limit, here as in MuJoCo, for the lower end is above the upper one"
 
 
+NAMED = {
+    "asset": "mesh", "tendon": "tendon", "equality": "equality", "actuator": "actuator",
+    "keyframe": "key",
+}  # fmt: skip
+"""Sections whose elements have names of their own, with what is called so there."""
+
+
+def require_names(document: Document) -> None:
+    """Refuse names that two elements of one kind have, as MuJoCo does, where they bear on the
+    motion; those of bodies, joints and sites are looked at where these are read."""
+    seen: set[tuple[str, str]] = set()
+
+    def once(element: Element, kind: str) -> None:
+        name = element.attributes.get("name")
+        if name and (kind, name) in seen:
+            raise element.refusal(f"has the name of another {kind}; names are given once")
+        seen.add((kind, name or ""))
+
+    for section, kind in NAMED.items():
+        for element in document.each(section):
+            if section != "asset" or element.tag == kind:
+                once(element, kind)
+    left = [*document.root.each("worldbody")]
+    while left:
+        element = left.pop()
+        if element.tag == "geom":
+            once(element, "geom")
+        left += element.children
+
+
 def survey(document: Document, notes: Notes, unmade: str = UNMADE) -> None:
     """Note all sections, elements and attributes of a document that are left out; unmade: what is
     said of the makers."""
@@ -179,7 +209,7 @@ def survey(document: Document, notes: Notes, unmade: str = UNMADE) -> None:
         if section.tag in READ_SECTIONS:
             _inside(section, notes, unmade)
         elif section.tag not in SILENT_SECTIONS:
-            told = section.tag not in SECTIONS or section.tag == "deformable"
+            told = section.tag not in SECTIONS or section.first("flex") is not None
             notes.on(
                 section, SECTIONS.get(section.tag, "is left out: it is not known"), alters=told
             )

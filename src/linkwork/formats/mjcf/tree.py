@@ -316,6 +316,7 @@ class TreeReader:
                     if parts is None:
                         self.scenery(geom)
                     else:
+                        self.require_weight(geom)
                         parts.geoms.append((geom, X))
                 case "inertial" if parts is not None:
                     parts.inertial = child
@@ -327,6 +328,14 @@ class TreeReader:
             raise element.refusal("has the name of another joint; names are given once")
         self.joints |= {name} if name else set()
         return element
+
+    def require_weight(self, geom: Element) -> None:
+        """Refuse a geom that weighs less than nothing."""
+        for name in ("mass", "density"):
+            if geom.number(name, 0.0) < 0:
+                raise geom.refusal(
+                    f"{name} '{geom.attributes[name]}' is below 0; give zero or more"
+                )
 
     def site(self, element: Element, body: str, X: np.ndarray) -> None:
         name = element.attributes.get("name")

@@ -33,6 +33,8 @@ class ScopeReader:
     def top(self, root: Element) -> Scope:
         """Return the scope of the file's first world, or that of its models."""
         world = root.first(WORLD) or replace(root, tag=WORLD)
+        for other in list(root.each(WORLD))[1:]:
+            self.notes.on(other, "is left out: the first world counts", alters=True)
         scope = Scope(world, world, version=version_of(root))
         alone = sum(1 for _ in world.each("model", "include")) == 1
         self._fill(scope, 1, not alone)

@@ -94,7 +94,7 @@ def _mechanism(root: Element, top: Scope, notes: Notes, reading: Reading) -> Mec
     joints: dict[str, Joint] = {**_free(scopes, keys, reader), **reader.joints, **tied}
     bodies |= reader.between
     loops = sum(isinstance(joint, PairJoint) for joint in joints.values()) > len(bodies)
-    actuators = _driven(reader, loops, root, notes)
+    actuators, tools = _driven(reader, loops, root, notes), _tools(scopes, keys, notes)
     try:
         return Mechanism(
             name=_name(root, top),
@@ -105,7 +105,7 @@ def _mechanism(root: Element, top: Scope, notes: Notes, reading: Reading) -> Mec
             lifts=lifts,
             actuators=actuators,
             drives=_drives(reader, actuators, root, notes),
-            tools=_tools(scopes, keys, notes),
+            tools=tools,
         )
     except MechanismError as error:
         raise MechanismError(f"{root.file}: {error}") from None

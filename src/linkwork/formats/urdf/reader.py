@@ -454,6 +454,8 @@ def _mimics(model: UrdfModel, notes: Notes) -> dict[str, Joint]:
         if mimic is None:
             continue
         other = mimic.text("joint")
+        if other == joint.name:
+            raise mimic.refusal(f"{xml.shortened(other)} mimics itself; name another joint")
         kinds = {
             name: model.joints[name].type if name in model.joints else ""
             for name in (joint.name, other)
