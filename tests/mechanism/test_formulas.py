@@ -13,6 +13,7 @@ from linkwork.equations import derive, functions
 from linkwork.mechanism.formulas import value_of
 from linkwork.mechanism.numbers import edited, free_numbers
 from linkwork.mechanism.parameter_units import unit_of_parameter
+from linkwork.mechanism.record import swapped
 
 from tests.equations.evaluation import close, values
 
@@ -128,7 +129,7 @@ def test_a_payload_is_written_as_the_number_that_it_makes():
 def test_a_number_that_a_formula_no_longer_gives():
     mechanism = lw.Mechanism.parse(TEXT)
     heavy = mechanism.bodies["a"].model_copy(update={"mass": 9.0})
-    changed = mechanism.model_copy(update={"bodies": {**mechanism.bodies, "a": heavy}})
+    changed = swapped(mechanism, bodies={**mechanism.bodies, "a": heavy})
     assert "mass: 9.0" in changed.text
     with pytest.raises(
         lw.MechanismError, match=r"'let.m' bears on bodies.a.mass by 'm', but another"

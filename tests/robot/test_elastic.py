@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import linkwork as lw
+from linkwork.mechanism.record import swapped
 from linkwork.mechanism.transmissions import Combination
 from linkwork.robots import five_bar
 
@@ -101,7 +102,7 @@ def test_files_hold_what_is_made(tmp_path):
     joint = lw.RevoluteJoint(
         connects=("ground", "arm"), elastic={"stiffness": 1.0, "motor_inertia": 1.0}
     )
-    past = mechanism.model_copy(update={"joints": {**mechanism.joints, "hip": joint}})
+    past = swapped(mechanism, joints={**mechanism.joints, "hip": joint})
     with pytest.raises(lw.MechanismError, match="its motor is not made"):
         lw.Robot(past)
 

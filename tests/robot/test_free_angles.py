@@ -15,6 +15,7 @@ from linkwork.equations.derivation import derive
 from linkwork.equations.frames import exponential, frame_matrix, turned_back, turned_by
 from linkwork.equations.orientation import Orientation
 from linkwork.mechanism.numbers import edited
+from linkwork.mechanism.record import swapped
 
 TURN = (0.3, -0.2, 0.5)
 
@@ -50,7 +51,7 @@ def test_frames_of_free_numbers_are_those_of_numbers():
     R = frame_matrix(frame)
     assert np.abs(R - Rotation.from_rotvec(frame.orientation).as_matrix()).max() < 1e-15
     names = [symbol(name) for name in ("r", "t")]
-    free = frame.model_copy(update={"rotation": (0.4, 0.0, names[0]), "turn": (0.3, names[1], 0.5)})
+    free = swapped(frame, rotation=(0.4, 0.0, names[0]), turn=(0.3, names[1], 0.5))
     evaluated = ca.Function("R", names, [frame_matrix(free)])
     assert np.abs(np.array(evaluated(-0.7, -0.2)) - R).max() < 1e-15
     for base in (

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from linkwork.errors import LinkworkError
 from linkwork.lab.textbook import Textbook
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, RevoluteJoint, SphericalJoint
+from linkwork.mechanism.record import swapped
 from linkwork.robots._prr3 import prr3
 
 from tests.oracle import LagrangeOracle, open_tree, planar_loops, random_state, spatial_loops
@@ -367,9 +368,8 @@ def test_wrong_vectors_are_refused():
 
 def test_other_joints_are_refused():
     pendulum = Pendulum().mechanism()
-    mechanism = pendulum.model_copy(
-        update={"joints": {"hinge": SphericalJoint(connects=("ground", "bob"))}}
-    )
+    hinge = SphericalJoint(connects=("ground", "bob"))
+    mechanism = swapped(pendulum, joints={"hinge": hinge})
     with pytest.raises(
         LinkworkError, match=r"joints\.hinge: the textbook formulation has no spherical joint"
     ):

@@ -36,6 +36,7 @@ from linkwork.mechanism import (
 )
 from linkwork.mechanism.effects import Effects
 from linkwork.mechanism.joints import EFFECTS, TURN, ManyFreedoms
+from linkwork.mechanism.record import swapped
 
 Vector3 = tuple[float, float, float]
 Change = Callable[[str, Effects], Effects]
@@ -66,9 +67,7 @@ def with_free_joints(mechanism: Mechanism) -> tuple[Mechanism, tuple[str, ...]]:
     groups = [group for group in nx.connected_components(graph) if GROUND not in group]
     hung = tuple(next(body for body in mechanism.bodies if body in group) for group in groups)
     free = {f"{body}.free": FreeJoint.model_construct(connects=(GROUND, body)) for body in hung}
-    return (
-        mechanism.model_copy(update={"joints": {**mechanism.joints, **free}}) if hung else mechanism
-    ), hung
+    return (swapped(mechanism, joints={**mechanism.joints, **free}) if hung else mechanism), hung
 
 
 # Rods as links
@@ -114,7 +113,7 @@ def with_links(mechanism: Mechanism) -> Mechanism:
         joints[f"{name}.far"] = SphericalJoint.model_construct(
             connects=(link, second), frames=(far, rod.frames[1])
         )
-    return mechanism.model_copy(update={"bodies": bodies, "joints": joints})
+    return swapped(mechanism, bodies=bodies, joints=joints)
 
 
 def spare_mass(mechanism: Mechanism, name: str, points: np.ndarray) -> float:
@@ -216,7 +215,7 @@ def in_steps(mechanism: Mechanism, names: set[str]) -> Mechanism:
                 joints[f"{name}.{freedom}"] = kind.model_construct(None, **own, axis=axis, **acting)
         links += between
     added = dict.fromkeys(links, MASSLESS)
-    return mechanism.model_copy(update={"bodies": {**mechanism.bodies, **added}, "joints": joints})
+    return swapped(mechanism, bodies={**mechanism.bodies, **added}, joints=joints)
 
 
 def axes(joint: PairJoint) -> list[Vector3 | None]:
