@@ -193,6 +193,9 @@ def test_a_gear_of_a_freedom_of_an_exported_joint_counts(tmp_path):
 
 
 BOUNDED = {
+    "says delay, which is left out: drives act at once": {
+        "actuators": '<position joint="j" kp="2" delay="0.02" nsample="3"/>',
+    },
     "it bounds the sum": {
         "joint": 'actuatorfrcrange="-1 1"',
         "actuators": '<motor joint="j"/><velocity joint="j"/>',

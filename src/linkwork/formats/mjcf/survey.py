@@ -87,7 +87,7 @@ DRIVE = {
     "joint", "jointinparent", "tendon", "body", "site", "refsite", "slidersite", "cranksite",
     "gear", "ctrllimited", "forcelimited", "actlimited", "lengthrange", "cranklength", "interp",
     "ctrlrange", "forcerange", "actrange", "inheritrange", "area", "diameter", "bias", "armature",
-    "damping",
+    "damping", "nsample",
 }  # fmt: skip
 
 ATTRIBUTES: dict[str, set[str]] = {
@@ -146,6 +146,7 @@ SERVO = {
 CONSEQUENCES = {
     ("body", "mocap"): "the body is fixed in the world, where the keyframe 'home' or it says",
     ("joint", "springyield"): "springs do not yield",
+    ("actuator", "delay"): "drives act at once",
 }
 NOTHING = {"0", "false", "none", "auto", ""}
 # Elements whose unread attributes move nothing.
@@ -282,7 +283,7 @@ def _attributes(element: Element, tag: str, notes: Notes, silent: set[str] | Non
         if all(_is_nothing(word) for word in value.split()):
             continue
         consequence = CONSEQUENCES.get((tag, name))
-        alters = tag not in UNFELT and name not in BOUNDS
+        alters = name not in BOUNDS and (tag not in UNFELT or consequence is not None)
         notes.on(
             element,
             f"says {name}, which is left out" + (f": {consequence}" if consequence else ""),
