@@ -157,6 +157,10 @@ class Record(BaseModel):
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy with other values of some fields, which are checked as all are.
 
+        Args:
+            update: values by the name of the field.
+            deep: whether what is held is copied, too; without other values.
+
         Raises:
             MechanismError: fields that there are not, values that they may not have.
         """
