@@ -55,6 +55,10 @@ WRONG = {
         twice("default", '<default class="x"/>'),
         "<default>: gives class 'x' again; keep one of both",
     ),
+    "flag": (
+        mjcf(rest='<option><flag gravity="off"/></option>'),
+        "<flag>: gravity 'off' is not one of enable, disable",
+    ),
     "mass": (mjcf(of(INERTIAL.format(-1, 1))), "<body 'a'>: mass -1 is below 0; give zero or more"),
     "moment": (mjcf(of(INERTIAL.format(1, -1))), "<body 'a'>: has a moment of inertia -1 below 0"),
     "mass of a geom": (

@@ -57,10 +57,10 @@ class BodyMass:
         of some rigid body where it balances them; and the axes of its inertia that the file
         gives, if it does."""
         solid, compiler = self.plain(), self.compiler
-        if solid.mass < 0 and not compiler.least_mass:
+        if solid.mass < 0 and compiler.least_mass <= 0:
             raise self.element.refusal(f"mass {solid.mass:g} is below 0; give zero or more")
         moments, axes = np.linalg.eigh(solid.inertia)
-        if moments[0] < -SLIVER * moments[-1] and not compiler.least_inertia:
+        if moments[0] < -SLIVER * moments[-1] and compiler.least_inertia <= 0:
             raise self.element.refusal(f"has a moment of inertia {moments[0]:g} below 0")
         least = np.maximum(moments, compiler.least_inertia)
         a, b, c = sorted(least)

@@ -225,10 +225,10 @@ class Document:
     @cached_property
     def off(self) -> frozenset[str]:
         """Names of the flags that the options switch off; the last word on each holds."""
-        said: dict[str, str] = {}
+        said, states = dict[str, str](), ("enable", "disable")
         for option in self.root.each("option"):
             for switches in option.each("flag"):
-                said |= switches.attributes
+                said |= {key: switches.choice(key, states, "") for key in switches.attributes}
         off = {name for name, state in said.items() if state == "disable"}
         return frozenset(off | CONSTRAINTS if "constraint" in off else off)
 
