@@ -9,6 +9,7 @@ import numpy as np
 from linkwork.formats import drake, poses, xml
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
+from linkwork.formats.urdf.unread import QUATERNION
 from linkwork.formats.xml import Element
 from linkwork.mechanism import GROUND
 
@@ -212,12 +213,20 @@ def _read_joint(element: Element, links: dict[str, Element]) -> UrdfJoint:
 
 
 def origin(element: Element, tag: str = "origin") -> np.ndarray:
-    """Return the pose that <origin xyz rpy> inside an element gives."""
+    """Return the pose that <origin xyz rpy>, or <origin xyz quat_xyzw>, inside an element gives."""
     inner = element.first(tag)
     if inner is None:
         return np.eye(4)
     zero = (0.0, 0.0, 0.0)
-    return poses.pose(inner.vector("xyz", zero), poses.from_rpy(*inner.vector("rpy", zero)))
+    place, given = inner.vector("xyz", zero), QUATERNION in inner.attributes
+    if not given:
+        return poses.pose(place, poses.from_rpy(*inner.vector("rpy", zero)))
+    if "rpy" in inner.attributes:
+        raise inner.refusal(f"gives its orientation as rpy and {QUATERNION}; keep one of them")
+    *axis, w = inner.numbers(QUATERNION, (4,))
+    if np.hypot(w, np.linalg.norm(axis)) < 1e-12:
+        raise inner.refusal(f"{QUATERNION} has no length; give a direction")
+    return poses.pose(place, poses.from_quaternion(w, *axis))
 
 
 def axis_of(element: Element, tag: str = "axis") -> np.ndarray:

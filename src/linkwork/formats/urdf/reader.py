@@ -33,6 +33,7 @@ from linkwork.formats.urdf.model import (
 )
 from linkwork.formats.urdf.shapes import shapes_of
 from linkwork.formats.urdf.sidecars import read_closures
+from linkwork.formats.urdf.unread import of_its_version, tell_unread
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     GROUND,
@@ -116,6 +117,8 @@ def read_urdf(root: Element, notes: Notes, reading: Reading) -> Mechanism:
         MechanismError: one sentence that names file, line, element and what would be right.
     """
     # What the file holds, and what closes its loops.
+    root = of_its_version(root, notes)
+    tell_unread(root, notes)
     macros = _survey(root, notes)
     if not macros:
         return _mechanism(root, notes, reading)
