@@ -130,3 +130,29 @@ def test_a_folder_is_no_target(tmp_path, monkeypatch):
     (tmp_path / "model.xml").write_text(mjcf())
     assert ". exists; give another name" in refused("convert", "model.xml", ".")
     assert call("convert", "model.xml", "model.yaml").exit_code == 0
+
+
+SDF = """<sdf version='1.9'><model name='m'><link name='a'>{inertial}</link>
+<joint name='j' type='revolute'><parent>world</parent><child>a</child>{axis}{more}</joint></model>
+</sdf>"""
+AXIS = "<axis><xyz>0 0 1</xyz>{}</axis>"
+MASS = "<inertial>{}<mass>2</mass></inertial>"
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"inertial": MASS.format("") + MASS}, "<inertial> in a <link> is left out: the first"),
+        ({"axis": 2 * AXIS.format("")}, "<axis> in a <joint> is left out: the first counts"),
+        ({"axis": AXIS.format("<dynamics><dampin/></dynamics>")}, "<dampin> in a <dynamics> is"),
+        ({"more": "<springs/>"}, "<springs> in a <joint> is left out: it is not known here"),
+        ({"inertial": MASS.format("<pose relative_to='j'/>")}, "<pose> says relative_to, which"),
+    ],
+)
+def test_what_sdf_says_again_or_has_not_is_warned_of(parts, words, tmp_path):
+    plain = {"inertial": MASS.format(""), "axis": AXIS.format(""), "more": ""}
+    (tmp_path / "model.sdf").write_text(SDF.format(**plain | parts))
+    (caveat,) = load(tmp_path / "model.sdf").mechanism.caveats
+    assert words in caveat
+    (tmp_path / "model.sdf").write_text(SDF.format(**plain))
+    assert not load(tmp_path / "model.sdf").mechanism.caveats

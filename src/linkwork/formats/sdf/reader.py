@@ -24,6 +24,7 @@ from linkwork.formats.reading import Reading
 from linkwork.formats.sdf.includes import ScopeReader
 from linkwork.formats.sdf.joints import JointReader
 from linkwork.formats.sdf.links import shapes_of_link, solid_of_link, survey_link
+from linkwork.formats.sdf.repeats import tell_repeats
 from linkwork.formats.sdf.scopes import Scope
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
@@ -95,10 +96,11 @@ def _mechanism(root: Element, top: Scope, notes: Notes, reading: Reading) -> Mec
     bodies |= reader.between
     loops = sum(isinstance(joint, PairJoint) for joint in joints.values()) > len(bodies)
     actuators, tools = _driven(reader, loops, root, notes), _tools(scopes, keys, notes)
+    gravity = _gravity(top)
     try:
         return Mechanism(
             name=_name(root, top),
-            gravity=_gravity(top),
+            gravity=gravity,
             bodies=bodies,
             joints=joints,
             springs=springs,
@@ -114,6 +116,8 @@ def _mechanism(root: Element, top: Scope, notes: Notes, reading: Reading) -> Mec
 def _survey(scopes: Iterable[Scope], notes: Notes) -> None:
     """Note the parts of worlds and models that are not read."""
     for scope in scopes:
+        for part in scope.element.each("link", "joint"):
+            tell_repeats(part, notes)
         for child in scope.element.children:
             if child.tag == "plugin":
                 note_program(child, notes)
