@@ -306,3 +306,43 @@ def test_parts_of_quaternions_are_no_start_that_varies():
     )
     with pytest.raises(StudyError, match=r"ball_1.qx: is nothing that can vary; .*joints.knee_1"):
         Bench.of(given)
+
+
+@pytest.mark.parametrize(
+    "vary",
+    [
+        {"crank_pin.frames.0.position.x": (0.1, 0.13)},
+        {"start.joints.crank_pivot": (1.0, 1.5)},
+        {"start.rates.rocker_pin": (-1.0, 2.0)},
+    ],
+)
+def test_rates_that_a_start_gives_of_other_joints_are_those_of_all_members(vary):
+    (name, values), *_ = vary.items()
+    given = study(
+        robot=lw.robots.four_bar(),
+        duration=0.01,
+        samples=2,
+        start={"rates": {"rocker_pin": 1.0}},
+        forces={},
+        vary={name: {"type": "values", "values": values}},
+        design={"type": "grid"},
+        outputs={"begin": "maximum joint_rate"},
+        trajectories=("joint_rate",),
+    )
+    place = lw.Robot("four_bar").rates.index("rocker_pin")
+    wanted = values if "rates" in name else (1.0, 1.0)
+    np.testing.assert_allclose(whole(given)["joint_rate"][:, 0, place], wanted, rtol=1e-12)
+
+
+def test_rates_that_determine_no_motion_of_a_member_are_out_of_its_reach():
+    """Where the crank lies along the rod the slide rests."""
+    given = study(
+        robot=lw.robots.slider_crank(),
+        duration=0.01,
+        start={"joints": {"crank": 0.7}, "rates": {"slide": 0.1}},
+        forces={},
+        vary={"start.joints.crank": {"type": "values", "values": (0.0, 0.5)}},
+        design={"type": "grid"},
+        outputs={"begin": "maximum joint_rate"},
+    )
+    assert whole(given)["status"].tolist() == [UNREACHABLE, 0]

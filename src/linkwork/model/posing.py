@@ -152,15 +152,27 @@ def independent_rates(robot: Model, rates: Rates, q: np.ndarray) -> np.ndarray:
             f"{checks.amount_is(len(rates), 'rate')} given; give {robot.mobility}, for "
             f"instance {example}"
         )
-    L = robot.kernel("maps")(q)[0].reshape(*q.shape[:-1], robot.mobility, -1)
-    A = np.swapaxes(L[..., [robot.rates.index(name) for name in rates]], -1, -2)
     given = checks.values_by_name(rates, tuple(rates), "rates", "rate")
-    checks.together(given.shape[:-1], A.shape[:-2])
-    if np.linalg.cond(A).max(initial=0.0) > 1 / checks.PIVOT_BOUND**2:
+    checks.together(given.shape[:-1], q.shape[:-1])
+    v, told = rates_told(robot, tuple(rates), given, q, robot.p)
+    if not told.all():
         raise LinkworkError(
             f"the rates {', '.join(rates)} do not determine the motion here; give others"
         )
-    return np.linalg.solve(A, given[..., None])[..., 0]
+    return v
+
+
+def rates_told(
+    robot: Model, names: tuple[str, ...], given: np.ndarray, q: np.ndarray, p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return v (..., n) from n rates of any joints (..., n), and where these determine the
+    motion."""
+    L = robot.kernel("maps")(q, p)[0].reshape(*q.shape[:-1], robot.mobility, -1)
+    A = np.swapaxes(L[..., [robot.rates.index(name) for name in names]], -1, -2)
+    least, most = (np.linalg.norm(x, order, (-2, -1)) for x, order in ((A, -2), (L, 2)))
+    told = least >= checks.PIVOT_BOUND**2 * most
+    A = np.where(told[..., None, None], A, np.eye(robot.mobility))
+    return np.linalg.solve(A, given[..., None])[..., 0], told
 
 
 def of_tree(robot: Model, positions: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@ each member."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from linkwork.control.events import Event
 from linkwork.errors import LinkworkError
-from linkwork.mechanism.numbers import edited
+from linkwork.mechanism import Mechanism
+from linkwork.mechanism.numbers import edited, places_of
 from linkwork.mechanism.refusal import MechanismError
 from linkwork.model import checks
 from linkwork.model.chart_transfer import reread
@@ -203,7 +204,6 @@ def members(
         )
     each, shared = forces_of_each(robot, forces)
     runs = system(robot, shared, drives, wrenches, events, {}, (0.0, duration), joined, state)
-    require_starts(runs, state, parameters)
     # What varies: numbers of the robot and of what acts, one for each member.
     names = (*robot.parameters, *(runs.acting.parameters if runs.acting else ()))
     checks.known(parameters, names, "parameter", FREED)
@@ -235,6 +235,7 @@ def members(
         p = np.repeat(p, count, axis=0)
         for name, values in varied.items():
             p[:, names.index(name)] = values
+    require_starts(runs, state, p[:, robot.p.size :])
     # The chart that runs start in, where the rates of all of them can be told in it.
     chart, q = robot.chart_of(state), np.broadcast_to(state.q, (count, state.q.shape[-1]))
     v, told = np.broadcast_to(state.rates, (count, state.rates.shape[-1])), np.ones(count, bool)
@@ -256,24 +257,16 @@ def require_possible(
 ) -> None:
     """Refuse members with numbers that no description may hold, or whose loops are open.
 
-    What descriptions may hold is convex: the corners of the box about all members stand for them,
-    where they are fewer.
-
     Args:
         own: values of the robot's parameters by name (N,).
         q: (N, nq); p: of the system (N, np).
     """
     if not own or not len(q):
         return
-    ends = [sorted({values.min(), values.max()}) for values in own.values()]
-    few = np.prod([len(values) for values in ends]) < len(q)
-    if not (
-        few
-        and all(allowed(robot, dict(zip(own, corner, strict=True))) for corner in product(*ends))
-    ):
-        for member, row in enumerate(zip(*own.values(), strict=True)):
-            with checks.at(f"member {member}: "):
-                edited(robot.mechanism, dict(zip(own, map(float, row), strict=True)))
+    if not (able := possible(robot.mechanism, own, len(q))).all():
+        member = int(np.argmin(able))
+        with checks.at(f"member {member}: "):
+            edited(robot.mechanism, {name: float(values[member]) for name, values in own.items()})
     gap = robot.kernel("closure_step")(q, np.ascontiguousarray(p[:, : robot.p.size]))[1][..., 0]
     if not (gap <= OPEN_LOOPS).all():
         member = int(np.argmin(gap <= OPEN_LOOPS))
@@ -283,10 +276,40 @@ def require_possible(
         )
 
 
-def allowed(robot: Model, values: Mapping[str, float]) -> bool:
+def possible(mechanism: Mechanism, own: Mapping[str, np.ndarray], size: int) -> np.ndarray:
+    """Return which members of a number (N,) have numbers (N,) by path that a description may hold.
+
+    An element's numbers are possible or not whatever others have. What an element may hold is
+    convex: the corners of the box about all members stand for them, where they are fewer.
+    """
+    able = np.ones(size, bool)
+    for names in of_elements(mechanism, own) if size else ():
+        table = np.stack([own[name] for name in names], axis=1)
+        corners = [*product(*(sorted({min(ends), max(ends)}) for ends in table.T.tolist()))]
+        if len(corners) < size and all(allowed(mechanism, names, corner) for corner in corners):
+            continue
+        rows, places = np.unique(table, axis=0, return_inverse=True)
+        each = np.array([allowed(mechanism, names, row) for row in rows.tolist()])
+        able &= each[places.reshape(-1)]
+    return able
+
+
+def of_elements(mechanism: Mechanism, paths: Iterable[str]) -> list[tuple[str, ...]]:
+    """Return paths of numbers in groups that have no body, joint or other element in common."""
+    groups: list[tuple[set[tuple[str, ...]], tuple[str, ...]]] = []
+    for path in paths:
+        elements, names = {where[:2] for where in places_of(mechanism, path)}, (path,)
+        for group in [group for group in groups if group[0] & elements]:
+            groups.remove(group)
+            elements, names = elements | group[0], group[1] + names
+        groups.append((elements, names))
+    return [names for _, names in groups]
+
+
+def allowed(mechanism: Mechanism, names: Sequence[str], values: Sequence[float]) -> bool:
     """Tell whether a description may hold some numbers."""
     try:
-        edited(robot.mechanism, {name: float(value) for name, value in values.items()})
+        edited(mechanism, dict(zip(names, values, strict=True)))
     except MechanismError:
         return False
     return True

@@ -83,7 +83,7 @@ def prepared(
     # A run that begins, or one that goes on with the extra states and held inputs that it left.
     if left is None:
         if runs.acting is not None:
-            require_starts(runs, state)
+            require_starts(runs, state, runs.parameters)
             tell_leaps(robot, state.q, robot.p)
         return robot, state, runs, settings
     if left.extras.size != len(runs.extras):

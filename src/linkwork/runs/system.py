@@ -7,7 +7,7 @@ is the same in all charts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -323,19 +323,21 @@ def with_jacobian(robot: Model, runs: System, span: tuple[float, float]) -> Syst
         return replace(runs, acting=acting_once(robot.names, None, {}, (), (), span))
 
 
-def require_starts(runs: System, state: State, varied: Iterable[str] = ()) -> None:
-    """Refuse states in which a drive cannot start; drives of which parameters vary are not looked
-    at."""
+def require_starts(runs: System, state: State, parameters: np.ndarray) -> None:
+    """Refuse states (...) in which a drive cannot start; parameters: of what acts, alike or of
+    each (N, np)."""
     acting = runs.acting
     if acting is None or not acting.bounded:
         return
-    values = dict(zip(acting.parameters, runs.parameters.tolist(), strict=True))
+    values = dict(zip(acting.parameters, parameters.T, strict=True))
     for name, drive in acting.bounded:
-        if name in state.coordinates and not any(other.startswith(f"{name}.") for other in varied):
-            own = replace(drive, **{number: values[f"{name}.{number}"] for number in drive.numbers})
+        if name in state.coordinates:
+            own = [values[f"{name}.{number}"] for number in drive.numbers]
+            table = np.stack(np.broadcast_arrays(state[name], *own)).reshape(len(own) + 1, -1)
             with checks.at(f"the drive of {name!r}: "):
-                for x in (np.min(state[name]), np.max(state[name])):
-                    own.require_start(float(x))
+                for x, *numbers in np.unique(table, axis=1).T.tolist():
+                    made = replace(drive, **dict(zip(drive.numbers, numbers, strict=True)))
+                    made.require_start(x)
 
 
 def plain(robot: Model, forces: Any) -> System:

@@ -287,7 +287,7 @@ class Stepper:
             require_one(self._robot, state)
             begun, left = self._robot.own(state), None
             if self._system.acting is not None:
-                require_starts(self._system, begun)
+                require_starts(self._system, begun, self._system.parameters)
                 tell_leaps(self._robot, begun.q, self._robot.p)
         if time is not None:
             time = require_counted(checks.number(time, "time"), self.dt)

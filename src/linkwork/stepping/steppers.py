@@ -325,7 +325,7 @@ class Steppers(HeldMembers):
             told, q, v = batch.told[who], batch.q[who], batch.v[who]
             return replace(batch, given=given, told=told, q=q, v=v, p=p, forces=None)
         robot, given = batch.robot, require_states(batch.robot, state, who.size)
-        require_starts(batch.system, given, batch.varied)
+        require_starts(batch.system, given, p[:, robot.p.size :])
         tell_leaps(robot, given.q, p[:, : robot.p.size])
         q, v = (np.broadcast_to(x, (who.size, x.shape[-1])).copy() for x in (given.q, given.rates))
         chart, told = robot.chart_of(given), np.ones(who.size, bool)

@@ -5,15 +5,20 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache
 from threading import Lock
 
 import numpy as np
 
+from linkwork.control import Drive
+from linkwork.errors import LinkworkError
+from linkwork.robot import State
 from linkwork.runs.ensemble import ensemble
 from linkwork.runs.quantities import QUANTITIES
 from linkwork.simulation import Status
-from linkwork.sweeps.home import REFUSED
+from linkwork.sweeps.home import REFUSED, UNREACHABLE
 from linkwork.sweeps.measuring import measured
 from linkwork.sweeps.preparation import Bench
 from linkwork.sweeps.starts import starts
@@ -62,6 +67,9 @@ def run(
     (state, status), parameters = starts(bench, values[rows]), bench.parameters(case, values[rows])
     for column in parameters.values():
         status[(status == 0) & np.isnan(column)] = REFUSED
+    for name, drive in bench.drives.items():
+        able = np.flatnonzero(status == 0)
+        status[able[~startable(name, drive, state.at(able), parameters, able)]] = UNREACHABLE
     results["status"][rows], able = status, status == 0
     if not able.any():
         return
@@ -87,6 +95,22 @@ def run(
         results[name][rows[done]] = output.of(bench.times, found[output.quantity][done], components)
     for name in study.trajectories:
         results[name][rows] = found[name]
+
+
+def startable(
+    actuator: str, drive: Drive, state: State, parameters: Mapping[str, np.ndarray], who: np.ndarray
+) -> np.ndarray:
+    """Return in which states a drive can start that has the numbers of members (who) that vary."""
+    if type(drive).require_start is Drive.require_start or actuator not in state.coordinates:
+        return np.ones(len(who), bool)
+    varied = [each for each in drive.numbers if f"{actuator}.{each}" in parameters]
+    numbers = [parameters[f"{actuator}.{each}"][who] for each in varied]
+    able = np.zeros(len(who), bool)
+    for i, (x, *own) in enumerate(zip(state[actuator], *numbers, strict=True)):
+        with suppress(LinkworkError):
+            replace(drive, **dict(zip(varied, own, strict=True))).require_start(float(x))
+            able[i] = True
+    return able
 
 
 def empty(bench: Bench, members: int) -> Results:

@@ -94,13 +94,9 @@ class ControllerRecord(Record):
         return law if sampled is None else sampled.around(law)
 
     @property
-    def weights(self) -> tuple[str, ...]:
-        """The names of numbers that are no parameters of the runs, but that parameters follow
-        from."""
-        own = {field.name for field in fields(self.LAW)}
-        given = {
-            name: getattr(self, name) for name in self.FORM.takes if name not in (*own, "model")
-        }
+    def numbers(self) -> tuple[str, ...]:
+        """The names of all numbers that can vary."""
+        given = {name: getattr(self, name) for name in self.FORM.takes if name != "model"}
         return tuple(
             name
             for field, value in given.items()
@@ -109,10 +105,17 @@ class ControllerRecord(Record):
             )
         )
 
-    def weighted(self, weights: Mapping[str, float]) -> Self:
-        """Return the controller with other values of some `weights`."""
+    @property
+    def weights(self) -> tuple[str, ...]:
+        """The names of those that are no parameters of the runs, but that parameters follow
+        from."""
+        own = {field.name for field in fields(self.LAW)}
+        return tuple(name for name in self.numbers if name.partition(".")[0] not in own)
+
+    def but(self, numbers: Mapping[str, float]) -> Self:
+        """Return the controller with other values of some `numbers`."""
         changed: dict[str, Any] = {}
-        for name, value in weights.items():
+        for name, value in numbers.items():
             field, _, label = name.partition(".")
             changed[field] = (
                 changed.get(field, getattr(self, field)) | {label: value} if label else value

@@ -100,7 +100,7 @@ def controlled(
         raise StudyError(str(error), where) from None
     names = parameters(study, robot, law, drives, where)
     return Case(
-        law, goal, names, given.weights, lambda weights: given.weighted(weights).law(goal, nominal)
+        law, goal, names, given.weights, lambda weights: given.but(weights).law(goal, nominal)
     )
 
 

@@ -7,9 +7,9 @@ from contextlib import suppress
 
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
-from linkwork.mechanism.numbers import places_of
 from linkwork.model import task
 from linkwork.model.assembly import UnreachableError
+from linkwork.model.posing import independent_rates
 from linkwork.robot import Robot, State
 from linkwork.sweeps.study import Study, StudyError
 
@@ -30,14 +30,6 @@ def same_start(study: Study, robot: Robot) -> bool:
     ]
     p = function.index_in("p")
     return not any(function.jac_sparsity(function.index_out(name), p).nnz() for name in outputs)
-
-
-def several_in_an_inertia(study: Study) -> bool:
-    """Tell whether several elements of one inertia vary, so that each may be possible and all
-    together not."""
-    places = [where for path in study.paths for where in places_of(study.robot, path)]
-    bodies = [where[:2] for where in places if "inertia" in where]
-    return len(set(bodies)) < len(bodies)
 
 
 def posed(study: Study, robot: Robot, values: Mapping[str, float], near: State) -> State:
@@ -69,20 +61,35 @@ def posed(study: Study, robot: Robot, values: Mapping[str, float], near: State) 
 
 
 def home(study: Study, robot: Robot) -> State:
-    """Return where runs start if nothing of it varies.
+    """Return where runs start if nothing of it varies, at rest.
 
     Raises:
         StudyError: a start out of reach, or that the robot does not have.
     """
+    if not (study.start.tool or study.start.joints):
+        return robot.home
     try:
-        state = (
-            posed(study, robot, {}, robot.home)
-            if study.start.tool or study.start.joints
-            else robot.home
-        )
-        if not study.start.rates:
-            return state
-        rates, rest = dict(study.start.rates), dict.fromkeys(robot.independent, 0.0)
-        return robot.state(state.positions, rest | rates if set(rates) <= set(rest) else rates)
+        return posed(study, robot, {}, robot.home)
     except LinkworkError as error:
         raise StudyError(str(error), ("start",)) from None
+
+
+def begun(study: Study, robot: Robot, state: State) -> State:
+    """Return a state with the rates that the study starts with.
+
+    Raises:
+        StudyError: rates that the robot does not have, or that do not determine its motion there.
+    """
+    if not study.start.rates:
+        return state
+    try:
+        return state.with_rates(independent_rates(robot, dict(study.start.rates), state.q))
+    except LinkworkError as error:
+        raise StudyError(str(error), ("start",)) from None
+
+
+def rates_given(study: Study, robot: Robot) -> tuple[str, ...]:
+    """Return the names of the rates that the start gives: the independent ones, of which it may
+    leave some out, or as many others."""
+    own = set(study.start.rates) <= set(robot.independent)
+    return robot.independent if own else tuple(study.start.rates)

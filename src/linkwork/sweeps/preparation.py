@@ -22,7 +22,14 @@ from linkwork.runs.quantities import QUANTITIES, Axis, axes_of, lacks
 from linkwork.runs.settings import Settings
 from linkwork.simulation import Signal, Status
 from linkwork.sweeps.driving_cases import Case, controlled, pushed, reached
-from linkwork.sweeps.home import REFUSED, UNREACHABLE, home, same_start, several_in_an_inertia
+from linkwork.sweeps.home import (
+    REFUSED,
+    UNREACHABLE,
+    begun,
+    home,
+    rates_given,
+    same_start,
+)
 from linkwork.sweeps.outputs import Output
 from linkwork.sweeps.study import Study, StudyError
 
@@ -32,6 +39,9 @@ STATUSES = {status.value: status.name for status in Status} | {
 }
 """How members end: as runs do; or without a run, as their start is out of reach, or no description
 may hold their numbers."""
+
+
+MANY = 2**7  # controllers, more than a byte can number
 
 
 @dataclass(frozen=True)
@@ -81,6 +91,7 @@ class Bench:
         first = next(iter(goals.values()), None)
         if isinstance(first, Motion) and study.start.tool is None and not study.start.joints:
             start = robot.make_state(first.state.q[0], start.rates)
+        start = begun(study, robot, start)
         if not study.controllers:
             cases = (pushed(study, robot, drives),)
         else:
@@ -145,9 +156,8 @@ class Bench:
         found = {name: Field(("member",), "f8", {"role": "varied"}) for name in self.study.varied}
         if len(self.cases) > 1:
             names = self.study.controllers
-            found["controller"] = Field(
-                ("member",), "i1", flags({i: name for i, name in enumerate(names)})
-            )
+            kind = "i1" if len(names) < MANY else "i4"
+            found["controller"] = Field(("member",), kind, flags(dict(enumerate(names))))
         # How each member ended.
         found |= {
             "status": Field(("member",), "i1", flags(STATUSES)),
@@ -199,11 +209,6 @@ class Bench:
         """Whether all members start at the same coordinates."""
         return same_start(self.study, self.robot)
 
-    @cached_property
-    def several_in_an_inertia(self) -> bool:
-        """Whether several elements of one inertia vary."""
-        return several_in_an_inertia(self.study)
-
     # What varies
 
     def parameter(self, name: str, case: int) -> str | None:
@@ -242,7 +247,7 @@ class Bench:
             known = {
                 "tool": tool,
                 "joints": [each for each in self.robot.coordinates if each in self.robot.rates],
-                "rates": self.robot.independent,
+                "rates": rates_given(self.study, self.robot),
             }
             if label in known.get(kind, ()):
                 return

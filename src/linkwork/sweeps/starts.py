@@ -13,14 +13,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from linkwork.errors import LinkworkError
-from linkwork.mechanism.numbers import edited
-from linkwork.mechanism.record import MechanismError
 from linkwork.model import task
 from linkwork.model.assembling import wound
 from linkwork.model.leading import Leader
+from linkwork.model.posing import rates_told
 from linkwork.model.turning import turned
 from linkwork.robot import State
-from linkwork.sweeps.home import JOINTS, RATES, REFUSED, TOOL, UNREACHABLE, posed
+from linkwork.runs.members import possible
+from linkwork.sweeps.home import JOINTS, RATES, REFUSED, TOOL, UNREACHABLE, posed, rates_given
 from linkwork.sweeps.preparation import Bench
 
 Values = Mapping[str, np.ndarray]
@@ -31,27 +31,39 @@ def starts(bench: Bench, values: np.ndarray) -> tuple[State, np.ndarray]:
     UNREACHABLE, or REFUSED."""
     study, robot, count = bench.study, bench.robot, len(values)
     of = {name: values[:, i] for i, name in enumerate(study.varied)}
-    q, v = np.tile(bench.start.q, (count, 1)), np.tile(bench.start.rates, (count, 1))
-    p, status = np.tile(robot.p, (count, 1)), np.zeros(count, dtype=int)
+    q, p = np.tile(bench.start.q, (count, 1)), np.tile(robot.p, (count, 1))
     for path in study.paths:
         p[:, list(robot.parameters).index(path)] = of[path]
-    left = np.arange(count) if bench.several_in_an_inertia else np.empty(0, dtype=int)
+    able = possible(study.robot, {path: of[path] for path in study.paths}, count)
+    status = np.where(able, 0, REFUSED)
     if not bench.same_start:
         q, closed = closed_together(bench, q, p, of)
-        left = np.union1d(left, np.flatnonzero(~closed))
-    for i in left:
-        status[i], q[i] = started_alone(
-            bench, {name: float(column[i]) for name, column in of.items()}, q[i]
-        )
-    for name in of:
-        if name.startswith(RATES):
-            v[:, robot.independent.index(name.removeprefix(RATES))] = of[name]
+        for i in np.flatnonzero(~closed & (status == 0)):
+            own = {name: float(column[i]) for name, column in of.items()}
+            status[i], q[i] = started_alone(bench, own, q[i])
     q[status != 0] = bench.start.q
+    v, told = rates_of(bench, of, q, p)
+    status[(status == 0) & ~told] = UNREACHABLE
     (positions,) = robot.kernel("positions")(q, p)
     found = State.known(positions, v, q, robot.coordinates, robot.independent)
     given = joints_given(bench, of, count)
     asked = robot.joints_asked(tuple(given)).places, stacked(given)
     return wound(robot, found, bench.start, asked if given else None), status
+
+
+def rates_of(
+    bench: Bench, of: Values, q: np.ndarray, p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the independent rates (M, n) of members, and which of them those that the start gives
+    determine (M)."""
+    robot, given = bench.robot, bench.study.start.rates
+    names = rates_given(bench.study, robot)
+    table = np.stack(
+        [of.get(f"{RATES}{name}", np.full(len(q), given.get(name, 0.0))) for name in names], axis=1
+    )
+    if names == robot.independent:
+        return table, np.ones(len(q), dtype=bool)
+    return rates_told(robot, names, table, q, p)
 
 
 def closed_together(
@@ -116,15 +128,11 @@ def led(
 def started_alone(
     bench: Bench, values: Mapping[str, float], q: np.ndarray
 ) -> tuple[int, np.ndarray]:
-    """Return 0 and a member's coordinates (nq), or why it has none: UNREACHABLE, or REFUSED."""
+    """Return 0 and a member's coordinates (nq), or UNREACHABLE and those given where it has
+    none."""
     study, own = bench.study, {path: values[path] for path in bench.study.paths}
     try:
-        edited(study.robot, own)
-        if bench.same_start:
-            return 0, q
         robot = bench.robot.with_parameters(own) if own else bench.robot
         return 0, posed(study, robot, values, bench.start).q
-    except MechanismError:
-        return REFUSED, q
     except LinkworkError:
         return UNREACHABLE, q

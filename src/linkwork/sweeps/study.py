@@ -8,7 +8,7 @@ angles are in radians.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -167,7 +167,7 @@ class Study(Record):
             ) from None
         with_place(self.robot.with_reference, self.reference, ("reference",))
         self._check_paths()
-        self._check_weights()
+        self._check_acting()
         return self
 
     def _check_paths(self) -> None:
@@ -186,18 +186,29 @@ class Study(Record):
                     reached,
                 )
 
-    def _check_weights(self) -> None:
-        """Refuse values that no weight of a controller may have."""
+    def _check_acting(self) -> None:
+        """Refuse values that no number of a controller or a drive may have."""
         for name, variation in self.vary.items():
-            for controller, given in self.controllers.items():
-                own = [
-                    weight
-                    for weight in given.weights
-                    if f"controllers.{controller}.{weight}" in (name, *variation.also)
-                ]
-                for value in variation.bounds if own else ():
-                    reached = f"reaches {value:.6g}, which the controller may not have: "
-                    with_place(given.weighted, dict.fromkeys(own, value), ("vary", name), reached)
+            for what, check in self._acting(name, *variation.also):
+                for value in variation.bounds:
+                    reached = f"reaches {value:.6g}, which the {what} may not have: "
+                    with_place(check, value, ("vary", name), reached)
+
+    def _acting(self, *names: str) -> Iterator[tuple[str, Callable[[float], Any]]]:
+        """Yield what makes a controller or a drive with another value of some numbers, and which of
+        both."""
+        for controller, given in self.controllers.items():
+            own = [each for each in given.numbers if f"controllers.{controller}.{each}" in names]
+            if own:
+                yield "controller", lambda x, make=given.but, own=own: make(dict.fromkeys(own, x))
+        for actuator, given in self.drives.items():
+            each = drive(given, ()).numbers
+            own = [number for number in each if f"drives.{actuator}.{number}" in names]
+            if own:
+                yield (
+                    "drive",
+                    lambda x, of=given, own=own: drive({**of, **dict.fromkeys(own, x)}, ()),
+                )
 
     @cached_property
     def mechanism(self) -> Mechanism:
