@@ -1,12 +1,15 @@
 """The tool is led on the branch of the guess: against inverse kinematics in closed form, on every
 working mode."""
 
+import warnings
+
 import casadi as ca
 import numpy as np
 import pytest
 
 import linkwork as lw
 from linkwork.analysis import working_modes
+from linkwork.errors import ModelWarning
 from linkwork.mechanism.numbers import edited
 from linkwork.robots.plane import corners, vertices
 
@@ -359,3 +362,31 @@ def test_threads_keep_their_turns_where_random_configurations_lead_to_what_is_as
     state = robot.assemble(asked)
     assert robot.closure_error(state) < 1e-12
     assert {name: pytest.approx(float(state[name])) for name in asked} == asked
+
+
+def test_one_set_of_joints_is_led_to_as_several_are():
+    """Newton's method alone refused it: these determine the pose, but are not the motors."""
+    robot = built("rrr3")
+    asked = {"motor_1": 1.10297, "wrist_2": 5.58028, "wrist_3": 2.75405}
+    one = robot.assemble(asked)
+    assert robot.closure_error(one) < 1e-12
+    many = robot.assemble({name: [value, value] for name, value in asked.items()})
+    np.testing.assert_allclose(many.positions, [one.positions] * 2, rtol=0, atol=1e-9)
+    with pytest.raises(lw.LinkworkError, match="^4 joints are given, but 3 .* state"):
+        robot.assemble({**{k: [v] * 2 for k, v in asked.items()}, "motor_2": [0.0, 9.0]})
+
+
+def test_joints_that_lead_beyond_a_singular_pose_are_told():
+    """The rod of a slider-crank swings by less than a quarter turn to either side; beyond half a
+    turn the slide is on the other side. A Bennett linkage turns round."""
+    crank, bennett = built("slider_crank"), built("bennett")
+    with pytest.warns(ModelWarning, match=r"with wrist = 2\.85 the straight way .* singular"):
+        there = crank.assemble({"wrist": 2.85})
+    assert there["slide"] < 0 < crank.home["slide"]
+    with pytest.warns(ModelWarning, match=r"with wrist = 2\.85 \(2 of 3 states\)"):
+        crank.assemble({"wrist": [0.2, 2.85, 2.9]})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        crank.assemble({"wrist": 0.2})
+        round_ = bennett.assemble({"hinge_1": [3.75, 4.0]})
+    assert (np.diff(round_["hinge_2"]) < 0).all()

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from linkwork.checks import among, amount_is, shown
 from linkwork.errors import LinkworkError
 from linkwork.model import checks, task
-from linkwork.model.asked import JointsAsked
 from linkwork.model.assembly import UnreachableError
 from linkwork.model.leading import Leader
 from linkwork.model.posing import Rates, stacked, start_of
@@ -77,28 +76,23 @@ def at_joints(
 ) -> np.ndarray:
     """Return q (..., nq) at joint coordinates (..., names), with the whole turns of what is asked.
 
-    Stacks, and values of the independent ones, are led to on the branch of the start.
+    As many as determine the motion, or more, are led to on the branch of the start; fewer by
+    shortened steps.
     """
-    asked = robot.joints_asked(names)
-    independent = robot.determined_by(asked) and set(names) == set(robot.independent)
-    if values.ndim > 1 or independent:
-        q = led(robot.leader_of_joints(asked), start, values)
-    else:
-        q = alone(robot, asked, values, start)
-    return turned(robot.chart, q, asked.turns, values[..., asked.angular]) if asked.turns else q
-
-
-def alone(robot: Model, asked: JointsAsked, values: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Return q (nq) at any joint coordinates (rows) that shortened steps from a start lead to."""
+    asked, given = robot.joints_asked(names), len(names)
     try:
-        return robot.assembler.at(robot.least(asked), values, start)
+        if given < task.freedoms(robot):
+            q = robot.assembler.at(robot.least(asked), values, start)
+        else:
+            q = led(robot.leader_of_joints(asked), start, values)
     except UnreachableError as error:
-        if values.size <= robot.mobility:
+        if given <= robot.mobility:
             raise
         raise UnreachableError(
-            f"{amount_is(values.size, 'joint')} given, but {robot.mobility} determine all others; "
+            f"{amount_is(given, 'joint')} given, but {robot.mobility} determine all others; "
             f"leave some out, or give values that fit together: {error}"
         ) from None
+    return turned(robot.chart, q, asked.turns, values[..., asked.angular]) if asked.turns else q
 
 
 def led(leader: Leader, start: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ the workspace, are solved from where it ends, from the guess and from random con
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -17,9 +18,10 @@ from functools import cached_property
 
 import numpy as np
 
-from linkwork.checks import at
+from linkwork.checks import amount, at
 from linkwork.equations.reference import unit
 from linkwork.equations.tree import Tree
+from linkwork.errors import ModelWarning
 from linkwork.mechanism import Mechanism
 from linkwork.model.asked import ToolAsked, Way
 from linkwork.model.assembly import Assembler, UnreachableError
@@ -31,6 +33,7 @@ from linkwork.model.turning import closing
 from linkwork.model.walking import FINEST, FIRST, NEWTON, ROUNDS, Walker
 
 STARTS, ITERATIONS = 48, 40  # random configurations, and Newton's steps from each
+FINER = 1 / 4096  # part of a way that the shortest step of it is, before it is taken for barred
 PARTS = 64  # of what is asked that are solved at a time from random configurations
 
 Found = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -65,6 +68,9 @@ class Leader:
 
         Raises:
             UnreachableError: what is not reached, by its number where there are several.
+
+        Warns:
+            ModelWarning: ways of joints that are barred, beyond which another mode may lie.
         """
         walker = self.walker if len(y) == 1 else None
         if walker:
@@ -75,31 +81,81 @@ class Leader:
             return q
         # Walkers take it for another mode where a row that is kept vanishes in vain.
         left, vain = np.flatnonzero(~there), walker and not self.modes.spared
-        q[left], there, mode = self.led(start, y[left], q if vain else None)
+        near, straight, mode = self.straight(start, y[left], q if vain else None)
+        if not self.strict:
+            self.walk_finely(start, near, y[left], straight, mode)
+        q[left], there = self.beyond(start, near, y[left], straight, mode)
         for k in left[~there]:
             with at(f"{self.least.asked.noun} {k}: ") if len(q) > 1 else nullcontext():
                 q[k] = self.otherwise(start, q[k], y[k], mode)
+        if self.modes.chart and not (self.strict or straight.all()):
+            self.tell_barred(y, left[~straight])
         return q
 
-    def led(self, start: np.ndarray, y: np.ndarray, near: np.ndarray | None = None) -> Found:
+    def tell_barred(self, y: np.ndarray, barred: np.ndarray) -> None:
+        """Warn of those of what is asked (N, rows) to which straight ways are barred."""
+        count, first = barred.size, barred[0]
+        many = f" ({count:,} of {amount(len(y), self.least.asked.noun)})" if len(y) > 1 else ""
+        warnings.warn(
+            f"between the guess and the mechanism {self.least.asked.said(y[first])}{many} the "
+            "straight way of these joints meets a singular pose: what is found beyond may lie on "
+            "another assembly mode; give a nearer guess on the mode that is meant",
+            ModelWarning,
+            stacklevel=7,
+        )
+
+    def led(self, start: np.ndarray, y: np.ndarray) -> Found:
         """Return how far straight ways to what is asked (K, rows) lead, or what is found besides: q
         (K, nq).
 
         Also which of them are at their ends (K), and the signs of the mode of the start (stages).
+        """
+        near, straight, mode = self.straight(start, y)
+        return *self.beyond(start, near, y, straight, mode), mode
+
+    def straight(self, start: np.ndarray, y: np.ndarray, near: np.ndarray | None = None) -> Found:
+        """Return how far straight ways to what is asked (K, rows) lead: q (K, nq), and as `led`.
+
         near: how far they lead (K, nq), where they have been walked in vain.
         """
         out = self.outputs(start[None])
         way, mode = self.least.asked.way(out, y), self.modes.signs(self.matrix(out))[0]
+        if near is not None:
+            return near, np.zeros(len(y), bool), mode
         # Compiled steps were tried all the way at once (`approached`).
         first = FIRST if self.approach else 1.0
-        if near is None:
-            q, there = self.walked(start, way, np.arange(len(y)), mode, self.step, first)
-        else:
-            q, there = near, np.zeros(len(y), bool)
+        return *self.walked(start, way, np.arange(len(y)), mode, self.step, first), mode
+
+    def walk_finely(
+        self,
+        start: np.ndarray,
+        q: np.ndarray,
+        y: np.ndarray,
+        straight: np.ndarray,
+        mode: np.ndarray,
+    ) -> None:
+        """Walk straight ways in finer steps where others did not lead to their ends: change how far
+        they lead, q (K, nq), and which to their ends (K)."""
+        left = np.flatnonzero(~straight)
+        way = self.least.asked.way(self.outputs(start[None]), y)
+        step, first = self.least.step, FINEST
+        q[left], straight[left] = self.walked(start, way, left, mode, step, first, finest=FINER)
+
+    def beyond(
+        self,
+        start: np.ndarray,
+        q: np.ndarray,
+        y: np.ndarray,
+        straight: np.ndarray,
+        mode: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return what is found `elsewhere` where no straight way leads (K): q (K, nq), and where
+        loops are closed (K)."""
+        there = straight.copy()
         if self.approach and mode.all() and not there.all():
             left = np.flatnonzero(~there)
             q[left], there[left] = self.elsewhere(start, q[left], y[left], mode)
-        return q, there, mode
+        return q, there
 
     def approached(
         self, q: np.ndarray, y: np.ndarray, mode: np.ndarray | None = None, *p: np.ndarray
@@ -155,12 +211,13 @@ class Leader:
         step: Step,
         first: float = 1.0,
         *p: np.ndarray,
+        finest: float = FINEST,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return how far the straight ways `which` (K) lead by some steps: q (K, nq), and which to
         their ends (K), from one start (nq) or several (K, nq).
 
         mode: signs to be kept, or those of each (K, stages); first: the part that is tried first;
-        p: as in `approached`.
+        p: as in `approached`; finest: the part that no step falls below.
         """
         modes = np.resize(mode, (which.size, mode.shape[-1]))
         q, going = np.resize(start, (which.size, start.shape[-1])), np.arange(which.size)
@@ -173,7 +230,7 @@ class Leader:
             reached, _, good = self.closed(step, q[going], given, modes[going], start=q[going])
             q[going[good]], part[going[good]] = reached[good], aim[good]
             length[going] *= np.where(good, 2.0, 0.25)
-            going = going[(part[going] < 1) & (length[going] > FINEST)]
+            going = going[(part[going] < 1) & (length[going] > finest)]
         return q, part == 1
 
     def elsewhere(

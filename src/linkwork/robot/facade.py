@@ -215,6 +215,10 @@ class Robot(Simulated, Portrayed):
         Raises:
             UnreachableError: what is asked is out of reach, not reachable from this guess, or only
                 on another branch.
+
+        Warns:
+            ModelWarning: joints that are met beyond a singular pose, maybe on another assembly
+                mode.
         """
         return assembling.assemble(self, joints, tool, rates, guess, branch)
 
