@@ -372,7 +372,7 @@ def test_one_set_of_joints_is_led_to_as_several_are():
     assert robot.closure_error(one) < 1e-12
     many = robot.assemble({name: [value, value] for name, value in asked.items()})
     np.testing.assert_allclose(many.positions, [one.positions] * 2, rtol=0, atol=1e-9)
-    with pytest.raises(lw.LinkworkError, match="^4 joints are given, but 3 .* state"):
+    with pytest.raises(lw.LinkworkError, match=r"^4 joints are given, but 3 .* state"):
         robot.assemble({**{k: [v] * 2 for k, v in asked.items()}, "motor_2": [0.0, 9.0]})
 
 

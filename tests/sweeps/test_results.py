@@ -295,6 +295,30 @@ def test_fewer_joints_are_led_to_from_where_the_member_s_own_loops_are_closed():
         np.testing.assert_allclose(made.positions[i], expected, rtol=0, atol=1e-9)
 
 
+def test_fewer_joints_are_led_to_where_the_independent_ones_cannot_stay():
+    """The distal links are too short for the motors' own angles: loops are closed by least
+    movements first."""
+    path, short = "tip.frames.0.position.x", 0.12
+    robot = lw.Robot("five_bar")
+    own = lw.Robot(robot.mechanism, free=[path]).with_parameters({path: short})
+    home = robot.home
+    near = lw.State(home.positions, home.rates, home.q, own.coordinates, own.independent)
+    given = study(
+        robot=robot.mechanism,
+        start={"joints": {"elbow_2": float(robot.home["elbow_2"])}},
+        forces={},
+        vary={path: {"type": "values", "values": (short,)}},
+        design={"type": "grid"},
+        outputs={"energy": "final kinetic_energy"},
+    )
+    with pytest.raises(lw.LinkworkError, match="stays off"):
+        own.assemble({name: float(home[name]) for name in robot.independent}, guess=near)
+    made, status = starts(Bench.of(given), np.array([[short]]))
+    closed = own.assemble({"elbow_2": float(home["elbow_2"])}, guess=own.assemble({}, guess=near))
+    assert not status.any()
+    np.testing.assert_allclose(made.positions[0], closed.positions, rtol=0, atol=1e-9)
+
+
 def test_parts_of_quaternions_are_no_start_that_varies():
     vary = {"start.joints.ball_1.qx": {"type": "uniform", "low": 0, "high": 0.1}}
     given = study(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
@@ -44,11 +43,13 @@ def posed(study: Study, robot: Robot, values: Mapping[str, float], near: State) 
     still = {name: float(near[name]) for name in robot.independent if name in robot.coordinates}
     if not joints and pose is None:
         joints = still
-    # Fewer joints than determine the others are led to with the member's own loops closed, if the
-    # independent ones may stay where they are.
-    elif study.paths and 0 < len(joints) < task.freedoms(robot) <= len(still):
-        with suppress(UnreachableError):
+    # Fewer joints than determine the others are led to with the member's own loops closed: where
+    # the independent ones stay, or else by the least of movements.
+    elif study.paths and 0 < len(joints) < task.freedoms(robot):
+        try:
             guess = robot.assemble(still, guess=guess)
+        except UnreachableError:
+            guess = robot.assemble({}, guess=guess)
     if joints:
         guess = robot.assemble(joints, guess=guess)
     if pose is None:
