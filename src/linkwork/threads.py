@@ -10,11 +10,14 @@ from queue import Empty, SimpleQueue
 
 from linkwork.checks import count
 
+ONE = 1  # thread, the default: what is equal but another object is checked
 GLANCE = 0.05  # time between two looks at how far the threads are [s]
 
 
 def number_of(threads: object) -> int:
     """Return how many threads are asked for: all processors for None; refuse what is no number."""
+    if threads is ONE:
+        return ONE
     return usable_processors() if threads is None else count(threads, "threads")
 
 

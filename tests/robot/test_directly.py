@@ -18,6 +18,7 @@ from linkwork.model.state import State
 from linkwork.model.task import values_directly, values_kernel
 from linkwork.model.tool_motion import led_directly, led_kernel
 
+from tests.catalogue import built
 from tests.robot.test_hostile_calls import HOSTILE
 from tests.robot.test_refusals import slider_driven
 
@@ -190,3 +191,22 @@ def test_singular_configurations_are_refused_alike(monkeypatch, call):
     stretched = robot.state({"crank": 0, "knee": 0, "pin": 0, "slide": 2})
     straight, long = both(monkeypatch, CALLS[call], robot, stretched, [1.0])
     assert straight == long and "is singular" in str(straight)
+
+
+@pytest.mark.parametrize("threads", ["many", 0, 2.5, True])
+def test_threads_that_are_no_number_are_refused_of_one_state_too(threads):
+    robot = built("five_bar")
+    state, given = robot.home, [1.0, 2.0]
+    for ask in (
+        lambda n: robot.forward_dynamics(state, given, threads=n),
+        lambda n: robot.inverse_dynamics(state, given, threads=n),
+        lambda n: robot.forward_dynamics_derivatives(state, given, threads=n),
+        lambda n: robot.inverse_dynamics_derivatives(state, given, threads=n),
+        lambda n: robot.mass_matrix_derivatives(state, threads=n),
+        lambda n: robot.closure_derivatives(state, threads=n),
+        lambda n: robot.tool_derivatives(state, threads=n),
+    ):
+        ask(1)
+        ask(None)
+        with pytest.raises(lw.LinkworkError, match="threads"):
+            ask(threads)

@@ -62,12 +62,14 @@ def value_and_matrices(kernel: Kernel, n: int) -> tuple[int, Arrays]:
     return 0, ((value,), *(Columns((rows, size // rows)) for _, size in by))
 
 
-def directly(robot: Model, what: str, state: State, given: object = None) -> Parts | None:
+def directly(
+    robot: Model, what: str, state: State, given: object = None, threads: int | None = 1
+) -> Parts | None:
     """Return a value and its derivatives at one state, if all is plain and they are sound, and no
     free number may open loops."""
     if robot.parameters and robot.redundant:
         return None
-    return robot.once(direct_jacobians, what).at(state, given)
+    return robot.once(direct_jacobians, what).at(state, given, threads)
 
 
 def derivative_kernel(
@@ -106,7 +108,7 @@ def told(
 ) -> Parts:
     """Return what a Jacobian of `compilation` tells at states; named: what is given."""
     chart, q, v = robot.chart_of(robot.own(state)), state.q, state.rates
-    kernel, n = jacobian(chart, what), len(state.independent)
+    kernel, n, share = jacobian(chart, what), len(state.independent), number_of(threads)
     widths = (n, n, *(part.shape[-1] for part in given), len(robot.p))
     if robot.parameters:
         refuse_opened(robot, chart, state)
@@ -117,7 +119,6 @@ def told(
             return parts_of(kernel, y, widths)
     # Stacks, weak orders of elimination, and what is to be refused.
     checks.together(state.batch, *(part.shape[:-1] for part in given))
-    share = number_of(threads)
     value, *by, pivot = evaluated(
         robot, chart, lambda other: jacobian(other, what), q, v, *given, threads=share
     )
@@ -189,7 +190,7 @@ def forward_dynamics_derivatives(
     threads: int | None = 1,
 ) -> ForwardDynamicsDerivatives:
     """Return v' and its derivatives: `Robot.forward_dynamics_derivatives`."""
-    found = directly(robot, "forward_dynamics", state, forces)
+    found = directly(robot, "forward_dynamics", state, forces, threads)
     if found is None:
         u = checks.actuator_forces(forces, robot.actuators)
         found = told(robot, "forward_dynamics", state, (u,), "forces", threads)
@@ -217,7 +218,7 @@ def inverse_dynamics_derivatives(
             "inverse dynamics is not differentiated where bearings rub by what they carry, which "
             "depends on the forces that are asked for; take forward_dynamics_derivatives"
         )
-    found = directly(robot, "inverse_dynamics", state, accelerations)
+    found = directly(robot, "inverse_dynamics", state, accelerations, threads)
     if found is None or (of == "actuators" and state.independent != robot.actuators):
         independent = robot.own(state).independent
         v_dot = checks.accelerations(accelerations, independent)
@@ -275,7 +276,7 @@ def mass_matrix_derivatives(
     robot: Model, state: State, threads: int | None = 1
 ) -> MassMatrixDerivatives:
     """Return M and its derivatives: `Robot.mass_matrix_derivatives`."""
-    found = directly(robot, "mass_matrix", state) or told(
+    found = directly(robot, "mass_matrix", state, threads=threads) or told(
         robot, "mass_matrix", state, threads=threads
     )
     M, by_q, _, by_p = found
@@ -289,7 +290,9 @@ def mass_matrix_derivatives(
 
 def closure_derivatives(robot: Model, state: State, threads: int | None = 1) -> ClosureDerivatives:
     """Return how all joints follow the independent ones: `Robot.closure_derivatives`."""
-    found = directly(robot, "joints", state) or told(robot, "joints", state, threads=threads)
+    found = directly(robot, "joints", state, threads=threads) or told(
+        robot, "joints", state, threads=threads
+    )
     _, by_q, by_v, by_p = found
     m = len(robot.coordinates)
     return ClosureDerivatives(
@@ -307,7 +310,9 @@ def closure_derivatives(robot: Model, state: State, threads: int | None = 1) -> 
 def tool_derivatives(robot: Model, state: State, threads: int | None = 1) -> ToolDerivatives:
     """Return how the first tool's pose and twist change: `Robot.tool_derivatives`."""
     robot.require_tool()
-    found = directly(robot, "tool", state) or told(robot, "tool", state, threads=threads)
+    found = directly(robot, "tool", state, threads=threads) or told(
+        robot, "tool", state, threads=threads
+    )
     value, by_q, by_v, by_p = found
     return ToolDerivatives(
         *chart_of(robot, state),

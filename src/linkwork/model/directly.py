@@ -29,6 +29,7 @@ from linkwork.kernels.from_python import (
 from linkwork.model import checks
 from linkwork.model.charts import CompiledChart
 from linkwork.model.state import State
+from linkwork.threads import ONE, number_of
 
 Form = Literal["number", "vector", "matrix", "symmetric"]
 FORMS: dict[str, tuple[Form, ...]] = {
@@ -72,12 +73,15 @@ class DirectCalls(dict[tuple[str, ...], Direct]):
         """Return the calls of a chart's kernel by its name, whose results FORMS tells."""
         return cls(coordinates, charts, methodcaller("kernel", name), partial(asked_by_name, name))
 
-    def at(self, state: State, given: object = None) -> Any:
+    def at(self, state: State, given: object = None, threads: object = ONE) -> Any:
         """Return the results at one state, an array or a tuple of arrays, if all is plain and they
         are sound; else None.
 
-        given: what the kernel takes beside q and v, if anything
+        given: what the kernel takes beside q and v, if anything; threads: that are asked for, which
+        one state does not need
         """
+        if threads is not ONE:
+            number_of(threads)
         try:
             own, independent = state.coordinates is self._coordinates, state.independent
             q, v = state.q, state.rates

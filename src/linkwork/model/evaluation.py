@@ -73,6 +73,7 @@ def dynamics(
     way."""
     chart = robot.chart_of(robot.own(state))
     kernel, q, n = chart.kernel(name), state.q, len(state.independent)
+    share = number_of(threads)
     if values.ndim == 1 and q.ndim == 1:
         y = kernel.flat(q, state.rates, values, robot.p)
         numbers = y.tolist()[-1 - n :]
@@ -80,7 +81,6 @@ def dynamics(
             return y[-1 - n : -1]
     else:
         checks.together(state.batch, values.shape[:-1])
-    share = number_of(threads)
     *_, result, pivot = outputs(robot, name, state, state.rates, values, threads=share)
     require_regular(robot, state, pivot, result, values, what)
     return result
@@ -95,7 +95,7 @@ def actuator_forces(
 ) -> np.ndarray:
     """Return u (..., actuators) with S' u = M v' + C v + G - f, of least weighted norm:
     `Robot.inverse_dynamics`."""
-    found = robot.directly("inverse_dynamics").at(state, accelerations)
+    found = robot.directly("inverse_dynamics").at(state, accelerations, threads)
     if found is not None and weights is None and state.independent == robot.actuators:
         return found
     v_dot = checks.accelerations(accelerations, robot.own(state).independent)

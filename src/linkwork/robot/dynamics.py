@@ -52,7 +52,7 @@ class Dynamics(Kinematics):
             LinkworkError: wrong shape, numbers that are not finite, a configuration where these
                 rates do not determine the motion.
         """
-        if (found := self.directly("motion").at(state, forces)) is not None:
+        if (found := self.directly("motion").at(state, forces, threads)) is not None:
             return found
         u = checks.actuator_forces(forces, self.actuators)
         return evaluation.dynamics(self, "motion", state, u, "forces", threads)
