@@ -3,10 +3,13 @@ lost, or it is said."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.runs import resuming
 
 from tests.catalogue import built
 from tests.robot.one_by_one import require_equal
@@ -148,3 +151,22 @@ def test_a_member_whose_rates_do_not_tell_its_motion_does_not_disturb_the_others
     require_equal(members, [robot.simulate(states.at(i), **options) for i in range(2)])
     assert members.status.tolist() == [lw.Status.FINISHED, lw.Status.SINGULAR]
     assert "do not determine it there; others do" in members.message(1)
+
+
+def test_a_run_is_resumed_in_the_chart_that_it_tells_of(five):
+    """In a robot that has not met its rates, no other one is chosen beside it."""
+    names = ("motor_1", "elbow_1")
+    run = five.simulate(five.in_chart(five.home, names).with_rates([0.4, 0.2]), duration=0.05)
+    fresh = lw.Robot(five.mechanism)
+    fresh.resume(run, duration=0.01)
+    last = resuming.chart_told(fresh, str(run.attrs["final_chart"]), names)
+    assert fresh.charts[names].key == last
+
+
+def test_the_closure_error_of_no_number_is_none():
+    """The largest of many residuals was that of those which are numbers."""
+    robot = built("delta")
+    for place in range(robot.home.q.size):
+        q = robot.home.q.copy()
+        q[place] = np.nan
+        assert np.isnan(robot.closure_error(replace(robot.home, q=q)))

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from linkwork.checks import by_name, listed
+from linkwork.checks import by_name, known, listed
 from linkwork.equations.chart import Chart
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import MechanismError
 from linkwork.mechanism.numbers import located
-from linkwork.model.chart_transfer import chart_in
 from linkwork.model.state import State
 from linkwork.runs.passage import Lowered
 from linkwork.runs.recording import Left
@@ -74,17 +73,12 @@ def left_by(robot: Model, run: Run) -> tuple[State, Left, dict[str, float]]:
         if windings.size != len(robot.coordinates):
             raise LinkworkError(OTHER_ROBOT)
         state = replace(state, positions=robot.labels.turned(state.positions, windings))
-    if independent != robot.independent:
-        chart = chart_in(robot, independent, q, least=np.finfo(float).eps)
-        if chart is None:
-            raise LinkworkError(
-                f"the run cannot be resumed: its rates {', '.join(independent)} do not determine "
-                "the motion where it ended"
-            )
-        robot.charts[independent] = chart
-    # What else it goes on with: its chart, the bound of its pivots, held inputs, counted turns,
-    # parameters, extra states.
+    known(independent, robot.equations.tree.rates, "rate of the tree")
     last = chart_told(robot, told, independent)
+    if independent not in robot.charts:
+        robot.charts[independent] = robot.run_charts.of(last, robot.chart)
+    # What else it goes on with: the bound of its pivots, held inputs, counted turns, parameters,
+    # extra states.
     weak = np.asarray(run.attrs.get("final_lowered", ()), float).tolist()
     lowered = Lowered(*weak) if weak else None
     held, turns = (
