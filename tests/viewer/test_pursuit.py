@@ -1,6 +1,10 @@
 """Posing by hand: it arrives where assembling does, keeps loops closed, stops at edges and limits,
 and says why."""
 
+from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -335,3 +339,22 @@ def test_listed_names():
     assert listed(["a"]) == "a"
     assert listed(["a", "b", "c", "d"]) == "a, b, c and d"
     assert listed(["a", "b", "c", "d", "e"]) == "a, b, c and 2 more"
+
+
+def test_sides_are_told_by_all_rows():
+    """A Bennett linkage meets no singular pose in a turn, but its kept rows depend on each other at
+    one."""
+    robot = Robot("bennett")
+    joints = robot.leader_of_joints(robot.joints_asked(("hinge_1",)))
+    crossings = Pursuit(robot, fixtures_of(robot).size).crossings
+    goal: Any = SimpleNamespace(strict=True)
+    turn = robot.assemble({"hinge_1": np.linspace(-3.0, 3.2, 60)})
+    outs = [{name: of[0] for name, of in joints.outputs(q[None]).items()} for q in turn.q]
+    kept = list(robot.equations.chart.rows)
+    alone = [
+        np.linalg.det(np.vstack([crossings.loops(out)[kept], out["J_coordinates"][:1]]))
+        for out in outs
+    ]
+    assert min(alone) < 0 < max(alone)
+    for out, other in pairwise(outs):
+        assert list(crossings.turned(out, other, goal).values()) == [1.0]

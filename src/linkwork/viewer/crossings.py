@@ -1,9 +1,10 @@
 """Crossings: which singular poses lie between two neighbouring poses of a robot led by hand.
 
-With the closure rows Phi that the equations of motion keep and the rows J of as many rates as there
-are freedoms, det [Phi; J] changes its sign where these rates do not determine the motion: J those
-of the actuators, at a singular pose of the drives; those of what the hand leads, at one of the
-tool. Both do where rows of Phi depend on each other: at a singular pose of the loops.
+With A = [Phi; J], all closure rows and the rows J of as many rates as there are freedoms, and A_0
+of a neighbouring pose, det(A_0' A) changes its sign where these rates do not determine the motion
+(Cauchy-Binet, as in `model.modes`): J those of the actuators, at a singular pose of the drives;
+those of what the hand leads, at one of the tool. Both do where more rows of Phi depend on each
+other than elsewhere: at a singular pose of the loops.
 """
 
 from __future__ import annotations
@@ -69,12 +70,14 @@ class Crossings:
         """Return the closure rows for steps as lengths."""
         return out["Phi"] / self.units[:, None] * self.scale
 
-    def signs(self, out: Outputs, goal: HandGoal) -> dict[str, float]:
-        """Return the signs of det [Phi; J], by what J is of."""
-        kept = self.loops(out)[list(self.robot.equations.chart.rows)]
-        stacks = {kind: np.vstack([kept, J]) for kind, J in self.rows(out, goal).items()}
-        square = {kind: S for kind, S in stacks.items() if S.shape[0] == S.shape[1]}
-        return {kind: float(np.linalg.slogdet(S)[0]) for kind, S in square.items()}
+    def turned(self, out: Outputs, other: Outputs, goal: HandGoal) -> dict[str, float]:
+        """Return the signs of det(A_0' A) at two poses, by what J is of."""
+        stacks = [
+            {kind: np.vstack([self.loops(each), J]) for kind, J in self.rows(each, goal).items()}
+            for each in (out, other)
+        ]
+        pairs = {kind: (A, stacks[1][kind]) for kind, A in stacks[0].items() if kind in stacks[1]}
+        return {kind: float(np.linalg.slogdet(A.T @ B)[0]) for kind, (A, B) in pairs.items()}
 
     def of_one_side(self, out: Outputs, goal: HandGoal) -> bool:
         """Tell whether a pose lies beside all singular ones, and not on them."""
@@ -93,9 +96,8 @@ class Crossings:
         if not self.of_one_side(first[1], goal):
             return ""
         # Signs that change, and whether a singular pose is why.
-        here, there = self.signs(first[1], goal), self.signs(last[1], goal)
-        for kind in here:
-            if here[kind] * there.get(kind, here[kind]) >= 0:
+        for kind, sign in self.turned(first[1], last[1], goal).items():
+            if sign >= 0:
                 continue
             out = self.nearest(kind, first, last, goal)
             loops, rows = self.loops(out), self.rows(out, goal)
@@ -107,10 +109,10 @@ class Crossings:
 
     def nearest(self, kind: str, first: Posed, last: Posed, goal: HandGoal) -> Outputs:
         """Return the outputs at the pose where the sign of a kind changes."""
-        sign, ends = self.signs(first[1], goal)[kind], [first, last]
+        ends = [first, last]
         for _ in range(HALVINGS):
             middle = self.between(ends[0][0], ends[1][0])
-            ends[int(self.signs(middle[1], goal)[kind] != sign)] = middle
+            ends[int(self.turned(first[1], middle[1], goal)[kind] < 0)] = middle
         return ends[0][1]
 
 
