@@ -354,3 +354,19 @@ def test_calls_that_do_not_fit(robot):
         many.status[0] = 0
     assert not many.u.any()
     np.testing.assert_array_equal(many.time, 0.0)
+
+
+def test_lowered_bounds_are_raised_alike_however_steps_are_asked_for():
+    """Near singular poses of a five-bar the bound of the pivots falls, and rises behind them: by
+    the schedule of one robot, in one call as in many."""
+    robot = built("five_bar")
+    begun = robot.home.with_rates([1.968120555255462, -3.6552968276992237])
+    u = [-4.793728600599119, 3.3552373148269328]
+    alone = robot.stepper(begun, 2e-3, u)
+    with pytest.raises(StepError, match=r"stopped at t = 0\.496 s"):
+        alone.step(steps=400)
+    for parts in ([400], [1] * 400, [7] * 57 + [1]):
+        many = robot.stepper(robot.state(np.tile(begun.positions, (2, 1)), begun.rates), 2e-3, u)
+        for steps in parts:
+            many.step(steps=steps)
+        require_alike(many, alone, 1)

@@ -101,6 +101,8 @@ class HeldMembers:
         self._known: dict[CompiledChart, Codes] = {}
         self._of = np.zeros(N, int)  # the numbers of their charts
         self._lowered = False  # whether any bound of pivots may be
+        # The steps after which lowered bounds are looked at, and how many lie between.
+        self._look, self._short = np.zeros(N), np.ones(N)
         self.place = MemberPlaces(herd, self._seen, self._of)
         self._numbers: tuple[object, np.ndarray] = None, self._of  # of others' charts
         self._teams: list[tuple[CompiledChart, np.ndarray]] | None = None
@@ -193,6 +195,7 @@ class HeldMembers:
             )
         here, to, numbers = self.place, other.place, self.charts_of(other)
         self.note_put(other, TRANSFER(here, who, to, there, numbers))
+        self._look[who], self._short[who] = other._look[there], other._short[there]
 
     def charts_of(self, other: HeldMembers) -> np.ndarray:
         """Return the numbers that charts of other steppers have here.

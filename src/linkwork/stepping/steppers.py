@@ -50,6 +50,7 @@ from linkwork.stepping.native_block import (
 from linkwork.stepping.native_many import steps
 from linkwork.stepping.native_readings import ReadingTables
 from linkwork.stepping.stepper import (
+    NONE,
     ROUNDING,
     Stepper,
     is_free,
@@ -250,17 +251,36 @@ class Steppers(HeldMembers):
         left[who] = steps
         if len(idle):
             left[idle] = 0
-        # Charts are changed where they weaken, until nobody has steps left.
+        # Charts are changed where they weaken, and lowered bounds looked at, until nobody has steps
+        # left.
+        later = self._held_back()
         stopped, finite = self._dealt(self._running(), told)
-        while stopped:
-            self._teams = None
-            self._change_charts()
+        while stopped or later.any():
+            if stopped:
+                self._teams = None
+                self._change_charts()
+            self._raise_bounds()
+            left[: later.size] += later
+            later = self._held_back()
             on = [(chart, who[left[who] > 0]) for chart, who in self._running()]
             stopped, well = self._dealt([(chart, who) for chart, who in on if who.size], told)
             finite &= well
-        if self._lowered:
-            self._raise_bounds()
+        self._raise_bounds()
         return finite
+
+    def _held_back(self) -> np.ndarray:
+        """Take from members under a lowered bound the steps that are left behind the one after
+        which it is looked at, and return how many (N,)."""
+        if not self._lowered:
+            return NONE
+        numbers, N = self._herd.numbers, len(self)
+        low = (numbers[LIMIT, :N] < SOFT) & (self.status == OK)
+        # Of those that compiled code has put where others are it is not known when.
+        lost = low & (self._look <= numbers[NUMBER, :N])
+        self._short[lost], self._look[lost] = 1, numbers[NUMBER, :N][lost] + 1
+        over = np.where(low, numbers[LEFT, :N] - (self._look - numbers[NUMBER, :N]), 0.0)
+        numbers[LEFT, :N] -= np.maximum(over, 0.0)
+        return np.maximum(over, 0.0)
 
     def alone(self, index: int) -> Stepper:
         """Return a `Stepper` of the member at an index as it is: its `run` is told in all
@@ -314,6 +334,7 @@ class Steppers(HeldMembers):
         self._herd.turns[:, who], self._herd.u[:, who] = 0.0, self._first[who].T
         self._herd.numbers[TURNED, who] = 0.0
         self._start(who, np.broadcast_to(times, who.shape))
+        self._short[who] = 1
         self._seen[who] = batch.given.positions
 
     def _some(self, who: np.ndarray, state: State | None) -> Members:
@@ -385,12 +406,22 @@ class Steppers(HeldMembers):
             lower = LOWER * np.minimum(left.bound, pivots(self._batch, left))
             herd.numbers[LIMIT, left.members] = np.maximum(checks.PIVOT_BOUND, lower)
             herd.status[left.members], self._lowered = OK, True
+            self._look[left.members] = (
+                herd.numbers[NUMBER, left.members] + self._short[left.members]
+            )
 
     def _raise_bounds(self) -> None:
-        """Raise the bounds that were lowered where the pivots have recovered."""
-        limit = self._herd.numbers[LIMIT, : len(self)]
-        for chart, who in self._grouped(np.flatnonzero((limit < SOFT) & (self.status == OK))):
-            limit[who[pivots(self._batch, self._stands(chart, who)) > RECOVERED * SOFT]] = SOFT
+        """Raise the bounds that were lowered where the pivots have recovered: it is looked after
+        one step, then after two more, and so on, as a `Stepper` does."""
+        if not self._lowered:
+            return
+        limit, number = (self._herd.numbers[row, : len(self)] for row in (LIMIT, NUMBER))
+        due = (limit < SOFT) & (self.status == OK) & (number >= self._look)
+        for chart, who in self._grouped(np.flatnonzero(due)):
+            well = pivots(self._batch, self._stands(chart, who)) > RECOVERED * SOFT
+            limit[who[well]] = SOFT
+            self._short[who] = np.where(well, 1, 2 * self._short[who])
+            self._look[who] = number[who] + self._short[who]
         self._lowered = limit.min(initial=SOFT) < SOFT
 
     def _stands(self, chart: CompiledChart, who: np.ndarray) -> Stands:
