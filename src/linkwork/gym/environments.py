@@ -267,7 +267,7 @@ class Environments(VectorEnv):
                 )
             if name in self.process.robot.parameters:
                 for value in (numbers.min(), numbers.max()):
-                    if not allowed(self.process.robot, {name: value}):
+                    if not allowed(self.process.robot.mechanism, {name: value}):
                         raise LinkworkError(
                             f"the draw of {name!r} is {value:g}, which the robot's description may "
                             "not hold; give another number"
@@ -438,7 +438,7 @@ def places(process: DecisionProcess, robots: Steppers) -> np.ndarray:
         found.append((-1, *robots.parameter_rows([name])))
     own = {name: process.draws[name] for name in process.draws if name in process.robot.parameters}
     for end in (0, 1):
-        if not allowed(process.robot, {name: bounds[end] for name, bounds in own.items()}):
+        if not allowed(process.robot.mechanism, {n: bounds[end] for n, bounds in own.items()}):
             raise LinkworkError(
                 f"bounds of {', '.join(own)} hold numbers that the robot's description may not"
             )

@@ -285,12 +285,14 @@ def possible(mechanism: Mechanism, own: Mapping[str, np.ndarray], size: int) -> 
     able = np.ones(size, bool)
     for names in of_elements(mechanism, own) if size else ():
         table = np.stack([own[name] for name in names], axis=1)
-        corners = [*product(*(sorted({min(ends), max(ends)}) for ends in table.T.tolist()))]
-        if len(corners) < size and all(allowed(mechanism, names, corner) for corner in corners):
+        ends = [sorted({min(column), max(column)}) for column in table.T.tolist()]
+        corners = (dict(zip(names, corner, strict=True)) for corner in product(*ends))
+        few = np.prod([len(values) for values in ends]) < size
+        if few and all(allowed(mechanism, corner) for corner in corners):
             continue
         rows, places = np.unique(table, axis=0, return_inverse=True)
-        each = np.array([allowed(mechanism, names, row) for row in rows.tolist()])
-        able &= each[places.reshape(-1)]
+        each = [allowed(mechanism, dict(zip(names, row, strict=True))) for row in rows.tolist()]
+        able &= np.array(each)[places.reshape(-1)]
     return able
 
 
@@ -306,10 +308,10 @@ def of_elements(mechanism: Mechanism, paths: Iterable[str]) -> list[tuple[str, .
     return [names for _, names in groups]
 
 
-def allowed(mechanism: Mechanism, names: Sequence[str], values: Sequence[float]) -> bool:
-    """Tell whether a description may hold some numbers."""
+def allowed(mechanism: Mechanism, values: Mapping[str, float]) -> bool:
+    """Tell whether a description may hold some numbers by path."""
     try:
-        edited(mechanism, dict(zip(names, values, strict=True)))
+        edited(mechanism, {name: float(value) for name, value in values.items()})
     except MechanismError:
         return False
     return True

@@ -156,7 +156,7 @@ class Bench:
         found = {name: Field(("member",), "f8", {"role": "varied"}) for name in self.study.varied}
         if len(self.cases) > 1:
             names = self.study.controllers
-            kind = "i1" if len(names) < MANY else "i4"
+            kind = "i1" if len(self.cases) < MANY else "i4"
             found["controller"] = Field(("member",), kind, flags(dict(enumerate(names))))
         # How each member ended.
         found |= {
