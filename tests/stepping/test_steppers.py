@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -370,3 +371,19 @@ def test_lowered_bounds_are_raised_alike_however_steps_are_asked_for():
         for steps in parts:
             many.step(steps=steps)
         require_alike(many, alone, 1)
+
+
+def test_states_with_open_loops_are_refused_and_nobody_is_moved():
+    """They were closed wherever Newton's method led, without a word."""
+    robot = built("five_bar")
+    many = robot.stepper(robot.state(np.tile(robot.home.positions, (3, 1))), DT)
+    many.step(steps=2)
+    before, q = many.y.copy(), robot.home.q + np.array([0.0, 0.0, 0.5, 0.0])
+    for index in (1, None):
+        with pytest.raises(lw.LinkworkError, match=r"member [01]: the state .* loops are open by"):
+            many.reset(index, replace(robot.home, q=q))
+        np.testing.assert_array_equal(many.y, before)
+    with pytest.raises(lw.LinkworkError, match=r"member 1: the state .* loops are open by"):
+        both = np.stack([robot.home.q, q])
+        stack = robot.state(np.tile(robot.home.positions, (2, 1)))
+        robot.stepper(replace(stack, q=both), DT)

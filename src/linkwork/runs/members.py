@@ -267,12 +267,17 @@ def require_possible(
         member = int(np.argmin(able))
         with checks.at(f"member {member}: "):
             edited(robot.mechanism, {name: float(values[member]) for name, values in own.items()})
+    require_closed(robot, q, p, np.arange(len(q)))
+
+
+def require_closed(robot: Model, q: np.ndarray, p: np.ndarray, numbers: np.ndarray) -> None:
+    """Refuse members, of some numbers (N,), whose loops are open; q: (N, nq); p: (N, np)."""
     gap = robot.kernel("closure_step")(q, np.ascontiguousarray(p[:, : robot.p.size]))[1][..., 0]
     if not (gap <= OPEN_LOOPS).all():
-        member = int(np.argmin(gap <= OPEN_LOOPS))
+        first = int(np.argmin(gap <= OPEN_LOOPS))
         raise LinkworkError(
-            f"member {member}: the state belongs to another robot: its loops are open by "
-            f"{gap[member]:.3g} here; make one by the robot with these parameters"
+            f"member {numbers[first]}: the state belongs to another robot: its loops are open by "
+            f"{gap[first]:.3g} here; make one by the robot with these parameters"
         )
 
 

@@ -19,7 +19,7 @@ from linkwork.model.closing import settled
 from linkwork.model.parameters import with_parameters
 from linkwork.model.state import State
 from linkwork.runs.cable_leaps import gaps, leaps, may_leap, tell_leaps
-from linkwork.runs.members import Members, forces_of_each, members
+from linkwork.runs.members import Members, forces_of_each, members, require_closed
 from linkwork.runs.passage import LOWER, RECOVERED, SOFT
 from linkwork.runs.running import EXAMPLE
 from linkwork.runs.settings import Settings
@@ -326,6 +326,7 @@ class Steppers(HeldMembers):
             )
         require_counted(float(times.max(initial=0.0)), self.dt)
         batch = self._some(who, state)
+        require_closed(batch.robot, np.ascontiguousarray(batch.q), batch.p_robot(), who)
         for stands in begun(batch, self._settings):
             q, v, z = np.split(stands.y, [self.q.shape[1], self.q.shape[1] + self.v.shape[1]], 1)
             p = batch.p_robot(stands.members)
