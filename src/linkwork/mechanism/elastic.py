@@ -32,6 +32,12 @@ class Elastic(Record):
     )
 
 
+def drawn_by_spring(joint: Any) -> bool:
+    """Tell whether a joint, or its fields, are those of an elastic one."""
+    elastic = joint.get("elastic") if isinstance(joint, Mapping) else getattr(joint, "elastic", 0)
+    return bool(elastic)
+
+
 def expanded(fields: Mapping[str, Any], joints: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields of a mechanism with motors and springs for the joints that are elastic.
 

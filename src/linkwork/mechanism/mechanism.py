@@ -26,7 +26,7 @@ from linkwork.mechanism.consistency import (
 )
 from linkwork.mechanism.contact import Contact
 from linkwork.mechanism.effects import Lift, PointSpring
-from linkwork.mechanism.elastic import expanded
+from linkwork.mechanism.elastic import drawn_by_spring, expanded
 from linkwork.mechanism.fluid import Drag, Fluid
 from linkwork.mechanism.frame import Frame
 from linkwork.mechanism.joints import TYPES, GearJoint, Joint, JointBase, PairJoint
@@ -169,14 +169,9 @@ class Mechanism(Record, Portrayed):
         joints = fields.get("joints") if isinstance(fields, Mapping) else None
         if not isinstance(joints, Mapping):
             return fields
-        made = {name: joint for name, joint in joints.items() if drawn_by_spring(joint)}
-        if not made:
-            return fields
-        every = {
-            name: one_joint(name, joint) if isinstance(joint, Mapping) else joint
-            for name, joint in made.items()
-        }
-        return expanded(fields, every)
+        own = {name: joint for name, joint in joints.items() if drawn_by_spring(joint)}
+        made = {k: one_joint(k, x) if isinstance(x, Mapping) else x for k, x in own.items()}
+        return expanded(fields, made) if made else fields
 
     @property
     def pairs(self) -> dict[str, PairJoint]:
@@ -383,12 +378,6 @@ class Mechanism(Record, Portrayed):
         from linkwork.mechanism.files import read_yaml
 
         return read_yaml(checks.file_path(path, "the path of a mechanism file"))
-
-
-def drawn_by_spring(joint: Any) -> bool:
-    """Tell whether a joint, or its fields, are those of an elastic one."""
-    elastic = joint.get("elastic") if isinstance(joint, Mapping) else getattr(joint, "elastic", 0)
-    return bool(elastic)
 
 
 def one_joint(name: str, fields: Mapping[str, Any]) -> JointBase:

@@ -183,14 +183,8 @@ class Model(SetOnce):
 
         asked: values of joint coordinates.
         """
-        return self._leader(asked, self.determined_by(asked), False)
-
-    def determined_by(self, asked: JointsAsked) -> bool:
-        """Tell whether joints are as many as determine the motion.
-
-        asked: values of the joints' coordinates.
-        """
-        return len(asked.what) == self.mobility and not self.spins
+        determined = len(asked.what) == self.mobility and not self.spins
+        return self._leader(asked, determined, False)
 
     def _leader(self, asked: Asked, kept: bool, strict: bool) -> Leader:
         if (key := (asked.names, kept)) not in self._leaders:

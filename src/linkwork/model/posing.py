@@ -147,10 +147,9 @@ def independent_rates(robot: Model, rates: Rates, q: np.ndarray) -> np.ndarray:
         return checks.values_by_name(rates, robot.independent, "rates", "independent rate")
     checks.known(rates, robot.rates, "rate")
     if len(rates) != robot.mobility:
-        example = ", ".join(robot.independent)
         raise LinkworkError(
             f"{checks.amount_is(len(rates), 'rate')} given; give {robot.mobility}, for "
-            f"instance {example}"
+            f"instance {', '.join(robot.independent)}"
         )
     given = checks.values_by_name(rates, tuple(rates), "rates", "rate")
     checks.together(given.shape[:-1], q.shape[:-1])

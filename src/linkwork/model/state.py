@@ -108,7 +108,11 @@ class State(ReadOnlyArrays):
             )
         if values.shape != shape:
             values = np.broadcast_to(values, shape).copy()
-        return State.known(self.positions, values, self.q, self.coordinates, self.independent)
+        return self._told(self.positions, values, self.q)
+
+    def _told(self, *arrays: np.ndarray) -> State:
+        """Return a state of other positions, rates and q, in the same coordinates and rates."""
+        return State.known(*arrays, self.coordinates, self.independent)
 
     def at(self, index: int | slice | np.ndarray) -> State:
         """Return some of the stacked states.
@@ -118,13 +122,7 @@ class State(ReadOnlyArrays):
         if not self.batch:
             raise LinkworkError("this is one state, not a stack of states; it has no index")
         try:
-            return State.known(
-                self.positions[index],
-                self.rates[index],
-                self.q[index],
-                self.coordinates,
-                self.independent,
-            )
+            return self._told(self.positions[index], self.rates[index], self.q[index])
         except (IndexError, TypeError, ValueError):
             raise LinkworkError(
                 f"index {shown(index)} does not fit a stack of states of the shape {self.batch}"

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -292,7 +293,7 @@ def possible(mechanism: Mechanism, own: Mapping[str, np.ndarray], size: int) -> 
         table = np.stack([own[name] for name in names], axis=1)
         ends = [sorted({min(column), max(column)}) for column in table.T.tolist()]
         corners = (dict(zip(names, corner, strict=True)) for corner in product(*ends))
-        few = np.prod([len(values) for values in ends]) < size
+        few = prod(map(len, ends)) < size
         if few and all(allowed(mechanism, corner) for corner in corners):
             continue
         rows, places = np.unique(table, axis=0, return_inverse=True)
