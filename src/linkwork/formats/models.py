@@ -18,6 +18,7 @@ from linkwork.formats.reading import PLAIN, Paths, Reading
 from linkwork.formats.references import Reference, referred
 from linkwork.mechanism import Mechanism, MechanismError
 from linkwork.mechanism.files import NATIVE as NATIVE
+from linkwork.mechanism.record import swapped
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,7 @@ def read(path: str | Path, reading: Reading = PLAIN) -> Imported:
     else:
         tell(mechanism, path.name, notes)
         tell_of_ends(mechanism, path.name, notes)
-    return Imported(mechanism.model_copy(update={"caveats": notes.caveats()}), notes.sentences())
+    return Imported(swapped(mechanism, caveats=notes.caveats()), notes.sentences())
 
 
 def save(

@@ -20,7 +20,7 @@ from linkwork.mechanism.mechanism import Mechanism
 from linkwork.mechanism.parameter_units import refuse_units
 from linkwork.mechanism.places import located
 from linkwork.mechanism.quantities import standing, worked_out
-from linkwork.mechanism.record import Record
+from linkwork.mechanism.record import Record, swapped
 from linkwork.mechanism.refusal import MechanismError, shown
 
 NATIVE = (".yaml", ".yml")
@@ -140,14 +140,14 @@ def _seen_from(folder: Path, mechanism: Mechanism) -> Mechanism:
     bodies = dict(mechanism.bodies)
     for name, body in mechanism.bodies.items():
         shapes = tuple(
-            shape.model_copy(update={"file": Path(os.path.relpath(shape.file, root)).as_posix()})
+            swapped(shape, file=Path(os.path.relpath(shape.file, root)).as_posix())
             if shape.type == "mesh" and Path(shape.file).is_relative_to(root.parent)
             else shape
             for shape in body.shapes
         )
         if shapes != body.shapes:
-            bodies[name] = body.model_copy(update={"shapes": shapes})
-    return mechanism.model_copy(update={"bodies": bodies})
+            bodies[name] = swapped(body, shapes=shapes)
+    return swapped(mechanism, bodies=bodies)
 
 
 def _reason(error: OSError | ValueError) -> str:
