@@ -35,13 +35,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.analysis._jacobians import Jacobians, jacobians
 from linkwork.analysis.all_rows import all_rows
-from linkwork.analysis.grid_branches import (
-    DIRECT,
-    GridBranch,
-    actuated,
-    led,
-    tells_all,
-)
+from linkwork.analysis.grid_branches import DIRECT, GridBranch, actuated, led, tells_all
 from linkwork.analysis.grid_steps import aside, beside, neighbours, one_of
 from linkwork.analysis.newton import (
     CHUNK,
