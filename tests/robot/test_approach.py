@@ -10,7 +10,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import linkwork as lw
-from linkwork.model import assembling
 from linkwork.model.assembly import UnreachableError
 from linkwork.model.leading import Leader
 from linkwork.model.task import asked_of
@@ -127,7 +126,7 @@ def test_joints_near_the_guess_are_met_as_by_steps_of_least_squares(case):
         if not there:
             continue
         met += 1
-        close(q, assembling.alone(robot, asked, values, robot.home.q), 1e-9)
+        close(q, robot.assembler.at(robot.least(asked), values, robot.home.q), 1e-9)
         state = robot.assemble(targets)
         assert {name: float(state[name]) for name in targets} == targets
     assert met

@@ -380,10 +380,10 @@ def test_states_with_open_loops_are_refused_and_nobody_is_moved():
     many.step(steps=2)
     before, q = many.y.copy(), robot.home.q + np.array([0.0, 0.0, 0.5, 0.0])
     for index in (1, None):
-        with pytest.raises(lw.LinkworkError, match=r"member [01]: the state .* loops are open by"):
+        with pytest.raises(lw.LinkworkError, match=r"the state .* loops are open by"):
             many.reset(index, replace(robot.home, q=q))
         np.testing.assert_array_equal(many.y, before)
-    with pytest.raises(lw.LinkworkError, match=r"member 1: the state .* loops are open by"):
+    with pytest.raises(lw.LinkworkError, match=r"the state .* loops are open by"):
         both = np.stack([robot.home.q, q])
         stack = robot.state(np.tile(robot.home.positions, (2, 1)))
         robot.stepper(replace(stack, q=both), DT)

@@ -302,7 +302,7 @@ def test_fewer_joints_are_led_to_where_the_independent_ones_cannot_stay():
     robot = lw.Robot("five_bar")
     own = lw.Robot(robot.mechanism, free=[path]).with_parameters({path: short})
     home = robot.home
-    near = lw.State(home.positions, home.rates, home.q, own.coordinates, own.independent)
+    near = lw.State.known(home.positions, home.rates, home.q, own.coordinates, own.independent)
     given = study(
         robot=robot.mechanism,
         start={"joints": {"elbow_2": float(robot.home["elbow_2"])}},

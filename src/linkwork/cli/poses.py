@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from linkwork import analysis
 from linkwork.cli.terminal import named, tidy
 from linkwork.errors import LinkworkError
 from linkwork.model.labels import POSES
 from linkwork.robot import Robot, State
+
+if TYPE_CHECKING:
+    from linkwork import analysis
 
 FEW = 6  # columns of joint coordinates that are shown
 
@@ -71,6 +73,8 @@ def modes_at(
 ) -> tuple[analysis.NaturalModes | None, str]:
     """Return the natural modes of a state under forces, if it stays at rest and has any, and what
     equilibrium it is in."""
+    from linkwork import analysis
+
     if not np.abs(robot.forward_dynamics(state, forces)).max(initial=0) < 1e-6:
         return None, "no: it accelerates"
     try:

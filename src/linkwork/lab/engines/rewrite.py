@@ -249,7 +249,7 @@ def effects_apart(mechanism: Mechanism) -> tuple[Mechanism, Mechanism]:
 
     def with_all(change: Change) -> Mechanism:
         joints = {name: with_effects(joint, change) for name, joint in mechanism.joints.items()}
-        return mechanism.model_copy(update={"joints": joints})
+        return swapped(mechanism, joints=joints)
 
     return with_all(in_mujoco), with_all(beside_mujoco)
 
@@ -274,4 +274,4 @@ def with_effects(joint: Joint, change: Change) -> Joint:
     fields = {
         field: dict(zip(found, own, strict=True)) if many else own[0] for field, own in columns
     }
-    return joint.model_copy(update=fields)
+    return swapped(joint, **fields)
