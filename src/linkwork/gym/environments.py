@@ -378,11 +378,11 @@ def mode_of(mode: AutoresetMode | str) -> AutoresetMode:
 
 def stacked(state: State, count: int) -> State:
     """Return a stack of so many times the same state."""
-    parts = (
+    positions, rates, q = (
         np.broadcast_to(values, (count, values.size)).copy()
         for values in (state.positions, state.rates, state.q)
     )
-    return State.known(*parts, state.coordinates, state.independent)
+    return State.known(positions, rates, q, state.coordinates, state.independent)
 
 
 def starts_of(process: DecisionProcess) -> State:

@@ -16,7 +16,7 @@ from linkwork.notebooks import Portrayed
 from linkwork.readonly import ReadOnlyArrays
 from linkwork.simulation.variables import LazyAttribute
 
-FIELDS = ("positions", "rates", "q", "coordinates", "independent")
+Names = tuple[str, ...]
 SHOWN, POSITIONS, RATES = 6, 24, 12  # names, numbers of one state in a repr
 
 
@@ -51,12 +51,14 @@ class State(ReadOnlyArrays):
         super().__post_init__()
 
     @classmethod
-    def known(cls, *fields: Any) -> Self:
-        """Return a state of numbers that a robot has found, in the order of the fields: one of its
-        own, which it looks at no more."""
+    def known(
+        cls, positions: Any, rates: Any, q: Any, coordinates: Names, independent: Names
+    ) -> Self:
+        """Return a state of numbers that a robot has found: one of its own, which it looks at no
+        more."""
         state = object.__new__(cls)
-        for name, value in zip(FIELDS, fields, strict=True):
-            object.__setattr__(state, name, value)
+        own = {"positions": positions, "rates": rates, "q": q}
+        vars(state).update(own, coordinates=coordinates, independent=independent)
         ReadOnlyArrays.__post_init__(state)
         return state
 
@@ -108,11 +110,7 @@ class State(ReadOnlyArrays):
             )
         if values.shape != shape:
             values = np.broadcast_to(values, shape).copy()
-        return self._told(self.positions, values, self.q)
-
-    def _told(self, *arrays: np.ndarray) -> State:
-        """Return a state of other positions, rates and q, in the same coordinates and rates."""
-        return State.known(*arrays, self.coordinates, self.independent)
+        return State.known(self.positions, values, self.q, self.coordinates, self.independent)
 
     def at(self, index: int | slice | np.ndarray) -> State:
         """Return some of the stacked states.
@@ -122,7 +120,8 @@ class State(ReadOnlyArrays):
         if not self.batch:
             raise LinkworkError("this is one state, not a stack of states; it has no index")
         try:
-            return self._told(self.positions[index], self.rates[index], self.q[index])
+            parts = self.positions[index], self.rates[index], self.q[index]
+            return State.known(*parts, self.coordinates, self.independent)
         except (IndexError, TypeError, ValueError):
             raise LinkworkError(
                 f"index {shown(index)} does not fit a stack of states of the shape {self.batch}"
