@@ -81,9 +81,9 @@ class Leader:
             return q
         # Walkers take it for another mode where a row that is kept vanishes in vain.
         left, vain = np.flatnonzero(~there), walker and not self.modes.spared
-        near, straight, mode = self.straight(start, y[left], q if vain else None)
-        if not self.strict:
-            self.walk_finely(start, near, y[left], straight, mode)
+        near, straight, mode = self.straight(
+            start, y[left], q if vain else None, finely=not self.strict
+        )
         q[left], there = self.beyond(start, near, y[left], straight, mode)
         for k in left[~there]:
             with at(f"{self.least.asked.noun} {k}: ") if len(q) > 1 else nullcontext():
@@ -113,33 +113,26 @@ class Leader:
         near, straight, mode = self.straight(start, y)
         return *self.beyond(start, near, y, straight, mode), mode
 
-    def straight(self, start: np.ndarray, y: np.ndarray, near: np.ndarray | None = None) -> Found:
+    def straight(
+        self, start: np.ndarray, y: np.ndarray, near: np.ndarray | None = None, finely: bool = False
+    ) -> Found:
         """Return how far straight ways to what is asked (K, rows) lead: q (K, nq), and as `led`.
 
-        near: how far they lead (K, nq), where they have been walked in vain.
+        near: how far they lead (K, nq), where they have been walked in vain; finely: in finer
+        steps, too, where others do not lead to their ends
         """
         out = self.outputs(start[None])
         way, mode = self.least.asked.way(out, y), self.modes.signs(self.matrix(out))[0]
-        if near is not None:
-            return near, np.zeros(len(y), bool), mode
-        # Compiled steps were tried all the way at once (`approached`).
-        first = FIRST if self.approach else 1.0
-        return *self.walked(start, way, np.arange(len(y)), mode, self.step, first), mode
-
-    def walk_finely(
-        self,
-        start: np.ndarray,
-        q: np.ndarray,
-        y: np.ndarray,
-        straight: np.ndarray,
-        mode: np.ndarray,
-    ) -> None:
-        """Walk straight ways in finer steps where others did not lead to their ends: change how far
-        they lead, q (K, nq), and which to their ends (K)."""
-        left = np.flatnonzero(~straight)
-        way = self.least.asked.way(self.outputs(start[None]), y)
-        step, first = self.least.step, FINEST
-        q[left], straight[left] = self.walked(start, way, left, mode, step, first, finest=FINER)
+        if near is None:
+            # Compiled steps were tried all the way at once (`approached`).
+            first = FIRST if self.approach else 1.0
+            q, there = self.walked(start, way, np.arange(len(y)), mode, self.step, first)
+        else:
+            q, there = near, np.zeros(len(y), bool)
+        if finely:
+            left, step = np.flatnonzero(~there), self.least.step
+            q[left], there[left] = self.walked(start, way, left, mode, step, FINEST, finest=FINER)
+        return q, there, mode
 
     def beyond(
         self,
