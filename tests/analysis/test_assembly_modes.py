@@ -97,6 +97,20 @@ def test_3_prr_modes_are_as_many_as_the_circles_of_the_links_allow(slides):
     np.testing.assert_allclose(found, expected, atol=2 * np.pi / 20000)
 
 
+def test_a_delta_also_stands_where_its_three_spheres_meet_above_the_elbows():
+    """Level platforms: two, as far above the elbows as below. None of its poses hangs on the order
+    of joints in the description."""
+    robot = built("delta")
+    modes = assembly_modes(robot)
+    poses = robot.tool_pose(modes.states)
+    level = poses[np.linalg.norm(poses[:, 3:], axis=1) < 1e-9]
+    elbow = -0.524 * np.sin(robot.home["motor_1"])
+    np.testing.assert_allclose(np.sort(level[:, 2]), [-0.9, 2 * elbow + 0.9], atol=1e-9)
+    joints = dict(reversed(robot.mechanism.joints.items()))
+    other = lw.Robot(robot.mechanism.model_copy(update={"joints": joints}))
+    assert len(modes) == len(assembly_modes(other)) == 16
+
+
 @pytest.mark.parametrize(("robot", "count"), [("five_bar", 2), ("four_bar", 2), ("agile_wrist", 8)])
 def test_known_counts_of_assembly_modes(robot, count):
     assert len(assembly_modes(built(robot))) == count

@@ -40,6 +40,7 @@ from linkwork.robot import Robot, State
 
 ROUND = 8192
 ITERATIONS = 60
+WIDE = 3.0  # lengths of the mechanism from home that slides begin at: beyond its mirror image
 SAME = 1e-5  # difference of poses, lengths relative to the mechanism's own, that counts as none
 SURE = 5
 MOST = 10_000
@@ -233,7 +234,7 @@ def scattered(
 ) -> np.ndarray:
     """Return random starts at which the tree's own coordinates already have the asked values."""
     square = problem.square
-    q = random_configurations(square, problem.length, count, random)
+    q = random_configurations(square, WIDE * problem.length, count, random)
     for name, value in zip(square.what, asked, strict=True):
         if square.asked is None and name in square.equations.tree.coordinates:
             q[:, square.equations.tree.coordinates.index(name)] = value

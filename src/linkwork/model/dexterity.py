@@ -8,7 +8,8 @@ rates of the task coordinates X z:
 
 The length makes the columns of K for turns and for shifts equally long at the reference. Where the
 robot has no task, or a single freedom, it is the smallest singular value of Q in the mechanism's
-own units: the part of the worst motion that the actuators see.
+own units: the part of the worst motion of the tree's joints that the actuators see, another number
+where another joint of a loop is cut.
 Source: Gosselin & Angeles, J. Mech. Design 113 (1991) 220-226; Angeles 2014, sec. 5.8
 (characteristic length).
 """
