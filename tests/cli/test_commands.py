@@ -81,3 +81,20 @@ def test_an_interruption_exits_with_130_and_says_nothing(monkeypatch):
     monkeypatch.setattr("linkwork.cli.info.built", interrupt)
     result = call("info", "prr3")
     assert (result.exit_code, result.output) == (130, "")
+
+
+def test_an_interruption_while_a_library_is_loaded_is_no_refusal(monkeypatch):
+    """What is compiled turns it into an ImportError, and a refusal may come of that."""
+
+    def traced(*_):
+        try:
+            try:
+                raise KeyboardInterrupt
+            except KeyboardInterrupt as error:
+                raise ImportError("initialization failed") from error
+        except ImportError:
+            raise lw.errors.LinkworkError("the controller cannot be traced") from None
+
+    monkeypatch.setattr("linkwork.cli.info.built", traced)
+    result = call("info", "prr3")
+    assert (result.exit_code, result.output) == (130, "")

@@ -9,13 +9,14 @@ import shutil
 import subprocess
 import sys
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
 import zarr
 
-from linkwork.sweeps import StudyError, runner, summary, sweep, write
+from linkwork.sweeps import StudyError, runner, store, summary, sweep, write
 from linkwork.sweeps.chunk import compute
 from linkwork.sweeps.report import figure
 
@@ -142,6 +143,30 @@ def test_damaged_descriptions_are_mended(tmp_path, damage):
     assert xarray.open_zarr(store, consolidated=False).load().identical(before)
 
 
+@pytest.mark.parametrize(
+    "damage",
+    [
+        ('"units": "m, rad"', '"units": "n, rad"'),
+        ('"coordinate"', '"coordinaue"'),
+        ("FINISHED SINGULAR", "FINISHED!SINGULAR"),
+        ('"fill_value": "NaN"', '"fill_value": 0.0'),
+        ('"name": "store of carts"', '"name": "store of darts"'),
+    ],
+)
+def test_what_the_group_repeats_of_descriptions_is_not_trusted(tmp_path, damage):
+    """A damaged name, unit or meaning there is neither read nor handed on to the arrays."""
+    carts = study(name="store of carts", outputs={"end": "final joint_position"})
+    sweep(carts, tmp_path)
+    before, group = results(tmp_path), tmp_path / "results.zarr" / "zarr.json"
+    was = group.read_text()
+    assert damage[0] in was
+    group.write_text(was.replace(*damage))
+    assert sweep(carts, tmp_path).computed == 0
+    assert results(tmp_path).identical(before) and group.read_text() == was
+    own = xarray.open_zarr(tmp_path / "results.zarr", consolidated=False).load()
+    assert own.identical(before)
+
+
 def test_a_finished_store_is_left_alone(tmp_path):
     sweep(study(), tmp_path)
     files = [path for path in tmp_path.rglob("*") if path.is_file()]
@@ -199,6 +224,29 @@ def test_a_disk_that_is_really_full(tmp_path):
     )
     assert len(sentences) == 1 and sentences[0].endswith("the same command goes on from there")
     assert "256 finished" in done.stdout and "finished before: " in done.stdout
+
+
+def test_a_store_that_another_process_makes_meanwhile_is_taken(tmp_path, monkeypatch):
+    original, made = store.lay_out, []
+
+    def later(place, bench):
+        original(place, bench)
+        if isinstance(place, Path):
+            with monkeypatch.context() as other:
+                other.setattr(store, "lay_out", original)
+                made.append(sweep(study(), tmp_path))
+
+    monkeypatch.setattr(store, "lay_out", later)
+    assert sweep(study(), tmp_path).before == made[0].computed == 4
+    assert [path.name for path in tmp_path.iterdir()] == ["results.zarr"]
+
+
+@pytest.mark.parametrize("name", ["table.csv", "plots.svg"])
+def test_a_table_or_plot_that_cannot_be_written_is_named(tmp_path, name):
+    outcome = sweep(study(), tmp_path)
+    (tmp_path / name).mkdir()
+    with pytest.raises(StudyError, match=f"{name} cannot be written: is a directory"):
+        write(outcome.store, summary(outcome.store), tmp_path)
 
 
 def test_a_folder_that_cannot_be_made(tmp_path):

@@ -58,8 +58,19 @@ class CommandGroup(Subcommands):
                 return super().invoke(ctx)
         except BrokenPipeError:
             raise
-        except (LinkworkError, OSError, usage.UsageError) as error:
+        except Exception as error:
+            if interrupted(error):
+                raise KeyboardInterrupt from None
+            if not isinstance(error, LinkworkError | OSError | usage.UsageError):
+                raise
             refuse(error, ctx.params["debug"])
+
+
+def interrupted(error: BaseException | None) -> bool:
+    """Whether an interruption is what made an error, as in a library that was being loaded."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def refuse(error: Exception, debug: bool = False) -> NoReturn:

@@ -198,17 +198,16 @@ def write(store: Store, found: Summary, folder: Path) -> list[Path]:
     needed(found, Summary, "linkwork.sweeps.summary")
     folder = folder_path(folder, "the folder")
     table, plots = folder / TABLE, folder / PLOTS
-    with written(folder):
-        with table.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            varied = store.bench.study.varied
-            fields = [name for name in SummaryRow.__dataclass_fields__ if name != "correlation"]
-            writer.writerow([*fields, *(f"correlation with {name}" for name in varied)])
-            for row in found.rows:
-                writer.writerow(
-                    [*(getattr(row, name) for name in fields), *row.correlation.values()]
-                )
-        plots.write_text(svg(figure(store, found)), encoding="utf-8")
+    varied = store.bench.study.varied
+    fields = [name for name in SummaryRow.__dataclass_fields__ if name != "correlation"]
+    with written(table), table.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow([*fields, *(f"correlation with {name}" for name in varied)])
+        for row in found.rows:
+            writer.writerow([*(getattr(row, name) for name in fields), *row.correlation.values()])
+    drawn = svg(figure(store, found))
+    with written(plots):
+        plots.write_text(drawn, encoding="utf-8")
     return [table, plots]
 
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 CHECKSUM = "checksum"
 STUDY = "study"
+DESCRIPTION = "zarr.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,21 +50,10 @@ class Store:
             StudyError: a store of another study, something that is no store, a place that cannot be
                 written.
         """
-        import zarr
-
         if not path.exists():
             create(path, bench)
-        try:
-            with zarr.config.set({"array.write_empty_chunks": True}):
-                group: Any = zarr.open_group(path, mode="r+")
-                text = group.attrs.get(STUDY)
-                arrays = {name: group[name] for name in (*bench.fields, CHECKSUM) if name in group}
-        except Exception as error:  # whatever a decoder says of a file that is damaged
-            raise StudyError(
-                f"{path} is no store of a study that can be read ({reason(error)}); remove it, "
-                "or give another folder"
-            ) from None
-        if text != bench.study.text:
+        group, arrays = opened(path, bench)
+        if (text := group.attrs.get(STUDY)) != bench.study.text:
             raise StudyError(
                 f"{path} holds the results of another study ({other(text)}); give another "
                 "folder, or remove it"
@@ -78,7 +68,9 @@ class Store:
                 f"{path} was written by another version of the program; give another folder, or "
                 "remove it"
             )
-        mend(path, group, bench)
+        mend(path, bench)
+        group, arrays = opened(path, bench)
+        name_axes(path, group, bench)
         return cls(path, bench, arrays)
 
     def rows(self, index: int) -> slice:
@@ -116,52 +108,70 @@ class Store:
 
 
 def create(path: Path, bench: Bench) -> None:
-    """Make an empty store beside its place, and put it there when it is complete."""
-    import zarr
-
+    """Make an empty store beside its place, and put it there when it is complete, if no other
+    process has put one there meanwhile."""
     # A folder beside the place, renamed when all is there: nobody sees half a store.
-    study = bench.study
     part = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
     with written(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            # Whose results these are.
-            about = {STUDY: study.text, "name": study.name, "linkwork": version("linkwork")}
-            if study.robot.caveats:
-                about["caveats"] = "\n".join(study.robot.caveats)
-            group = zarr.create_group(part, attributes=about)
-            # An array for each field, a chunk of members in each file; a checksum marks finished
-            # chunks.
-            for name, field in bench.fields.items():
-                shape = bench.shape(field, study.members)
-                add(
-                    group,
-                    name,
-                    shape,
-                    (study.chunk_length, *shape[1:]),
-                    field.axes,
-                    field.kind,
-                    dict(field.attrs),
-                )
-            add(
-                group,
-                CHECKSUM,
-                (study.chunks,),
-                (1,),
-                ("chunk",),
-                "u8",
-                {"description": "of a finished chunk; else 0"},
-            )
-            for axis, values in coordinates(bench).items():
-                kind, attrs = ("f8", {"units": "s"}) if axis == "time" else (str, {})
-                add(group, axis, values.shape, values.shape, (axis,), kind, attrs)[:] = values
-            with warnings.catch_warnings():
-                # xarray wants what version 3 of the format leaves open.
-                warnings.simplefilter("ignore", UserWarning)
-                zarr.consolidate_metadata(part)
-            part.rename(path)
+            lay_out(part, bench)
+            try:
+                part.rename(path)
+            except OSError:
+                if not path.is_dir():
+                    raise
         finally:
             shutil.rmtree(part, ignore_errors=True)
+
+
+def opened(path: Path, bench: Bench) -> tuple[Any, dict[str, Any]]:
+    """Return the group of a store, and its arrays of results by name.
+
+    Raises:
+        StudyError: something that is no store, or cannot be read.
+    """
+    import zarr
+
+    try:
+        with zarr.config.set({"array.write_empty_chunks": True}):
+            group: Any = zarr.open_group(path, mode="r+")
+            return group, {name: group[name] for name in (*bench.fields, CHECKSUM) if name in group}
+    except Exception as error:  # whatever a decoder says of a file that is damaged
+        raise StudyError(
+            f"{path} is no store of a study that can be read ({reason(error)}); remove it, "
+            "or give another folder"
+        ) from None
+
+
+def lay_out(place: Any, bench: Bench) -> None:
+    """Make the group and the arrays of an empty store, in a folder or in memory."""
+    import zarr
+
+    # Whose results these are.
+    study = bench.study
+    about = {**told(study), "linkwork": version("linkwork")}
+    group = zarr.create_group(place, attributes=about)
+    # An array for each field, a chunk of members in each file; a checksum marks finished chunks.
+    for name, field in bench.fields.items():
+        shape = bench.shape(field, study.members)
+        chunks = (study.chunk_length, *shape[1:])
+        add(group, name, shape, chunks, field.axes, field.kind, dict(field.attrs))
+    finished = {"description": "of a finished chunk; else 0"}
+    add(group, CHECKSUM, (study.chunks,), (1,), ("chunk",), "u8", finished)
+    for axis, values in coordinates(bench).items():
+        kind, attrs = ("f8", {"units": "s"}) if axis == "time" else (str, {})
+        add(group, axis, values.shape, values.shape, (axis,), kind, attrs)[:] = values
+    with warnings.catch_warnings():
+        # xarray wants what version 3 of the format leaves open.
+        warnings.simplefilter("ignore", UserWarning)
+        zarr.consolidate_metadata(group.store)
+
+
+def told(study: Study) -> dict[str, str]:
+    """Return what a store tells of its study."""
+    caveats = {"caveats": "\n".join(study.robot.caveats)} if study.robot.caveats else {}
+    return {STUDY: study.text, "name": study.name} | caveats
 
 
 def coordinates(bench: Bench) -> dict[str, np.ndarray]:
@@ -173,22 +183,46 @@ def coordinates(bench: Bench) -> dict[str, np.ndarray]:
     return {"time": bench.times} | names
 
 
-def mend(path: Path, group: Any, bench: Bench) -> None:
-    """Write anew what is not as it was made: the arrays' descriptions, which the group's repeats,
-    times and names."""
-    described = read_or_none(
-        lambda: json.loads((path / "zarr.json").read_bytes())["consolidated_metadata"]["metadata"]
-    )
-    if not isinstance(described, Mapping):
+def mend(path: Path, bench: Bench) -> None:
+    """Write anew the descriptions of a store's arrays, their own and those that the group's
+    repeats, which are not those that its study asks for; how their files are packed stands."""
+    # What the group tells, and what it would tell of a store that is made now.
+    given = read_or_none(lambda: json.loads((path / DESCRIPTION).read_bytes()))
+    found = read_or_none(lambda: given["consolidated_metadata"]["metadata"])
+    if not isinstance(found, Mapping):
         raise StudyError(
             f"{path} does not describe its arrays any more; remove it, or give another folder"
         )
+    empty: dict[str, Any] = {}
+    lay_out(empty, bench)
+    own = json.loads(empty[DESCRIPTION].to_bytes())["consolidated_metadata"]["metadata"]
+    wanted = {name: each | packed(found.get(name)) for name, each in own.items()}
     with written(path):
-        for name, wanted in described.items():
-            place = path / name / "zarr.json"
-            if read_or_none(lambda place=place: json.loads(place.read_bytes())) != wanted:
+        # Each array's own description, then the group's.
+        for name, each in wanted.items():
+            place = path / name / DESCRIPTION
+            if read_or_none(lambda place=place: json.loads(place.read_bytes())) != each:
                 place.parent.mkdir(exist_ok=True)
-                place.write_text(json.dumps(wanted, indent=2))
+                place.write_text(json.dumps(each, indent=2))
+        told_now = given["attributes"] | told(bench.study)
+        if (found, given["attributes"]) != (wanted, told_now):
+            repeated = given["consolidated_metadata"] | {"metadata": wanted}
+            now = given | {"attributes": told_now, "consolidated_metadata": repeated}
+            part = path / f".{DESCRIPTION}.{uuid4().hex[:8]}.part"
+            part.write_text(json.dumps(now, indent=2))
+            part.replace(path / DESCRIPTION)
+
+
+def packed(description: Any) -> dict[str, Any]:
+    """Return what an array's description tells of how its files are packed, which another version
+    of zarr may do otherwise."""
+    told = description if isinstance(description, Mapping) else {}
+    return {name: told[name] for name in ("codecs",) if name in told}
+
+
+def name_axes(path: Path, group: Any, bench: Bench) -> None:
+    """Write anew times and names along the axes of a store that are not as they were made."""
+    with written(path):
         for axis, values in coordinates(bench).items():
             if read_or_none(lambda axis=axis: list(group[axis][:])) != list(values):
                 group[axis][:] = values
