@@ -51,6 +51,7 @@ def test_a_path_is_followed_and_its_forces_drive_the_robot_along_it(motion, tmp_
     assert np.allclose([*run["tool"].values()], motion.tool[-1], rtol=0, atol=1e-5)
     text = call(*words).stdout
     assert "largest force" in text and max(map(len, text.splitlines())) <= 80
+    assert all(re.search(rf"slide_1 +{unit} +[-\d]", text) for unit in ("m", "N"))  # told once each
 
 
 def test_a_table_is_followed_on_the_branch_that_it_tells(motion, tmp_path):

@@ -21,6 +21,8 @@ from linkwork.simulation import Sampled
 
 FEW = 12  # joint coordinates that are all printed; of more those of the actuated joints
 SUFFIX = ".csv"
+FORCES = {"m": "N", "rad": "N m"}  # units by that of what they move
+HEADS = {"rate": "rate [/s]", "acceleration": "acceleration [/s²]", "power": "power [W]"}
 
 
 @dataclass(frozen=True)
@@ -102,15 +104,18 @@ def follow(
     for title, found in data.items():
         names = [name for name in found if few or name in robot.actuators or title != "joints"]
         if names:
-            header = [title.replace("_", " "), *found[names[0]]]
+            header = [title, "unit", *(HEADS.get(head, head) for head in found[names[0]])]
             values = np.array([[*found[name].values()] for name in names])
             shown = tidy(values, np.abs(values).max(axis=0))
+            units = [robot.labels.unit(name) for name in names]
+            if title == "actuators":
+                units = [FORCES[unit] for unit in units]
             lines = [
-                (name, *(f"{number:.6g}" for number in row))
-                for name, row in zip(names, shown, strict=True)
+                (name, unit, *(f"{number:.6g}" for number in row))
+                for name, unit, row in zip(names, units, shown, strict=True)
             ]
             out.print()
-            out.print(table(header, lines, numbers=range(1, len(header))))
+            out.print(table(header, lines, numbers=range(2, len(header))))
     out.print()
     for file in written:
         out.print(f"{file} written", soft_wrap=True)
