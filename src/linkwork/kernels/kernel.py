@@ -78,7 +78,7 @@ class Kernel:
         states, laid out `in[n_in][abreast * lanes]` and `out[n_out][abreast * lanes]` and aligned
         to 64 bytes: for loops whose next states need the results of these
     columns_address: of void(const double* in, double* out), which evaluates one state without its
-        last input at each unit vector of that, out[direction][n_out]: a Jacobian, where the last
+        last input at each unit vector of that, `out[direction][n_out]`: a Jacobian, where the last
         input is the direction of a derivative
     from_cache: whether all machine code so far was found in the cache
     compile_seconds: the time it took to get it [s]
