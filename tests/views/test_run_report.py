@@ -9,7 +9,7 @@ import pytest
 import linkwork as lw
 from linkwork.views import write_report
 from linkwork.views.pages import short
-from linkwork.views.run_report import bodies_table, energy_table, peaks_table, render
+from linkwork.views.run_report import bodies_table, energy_table, joints_table, peaks_table, render
 
 from tests.catalogue import built
 from tests.views.pages import Reader
@@ -98,6 +98,16 @@ def test_the_units_of_the_bodies_table_are_those_by_which_its_numbers_grow():
     for unit, x, y in zip(units, before, after, strict=True):
         masses, lengths = exponents[unit]
         assert y == pytest.approx(3**masses * 10**lengths * x), unit
+
+
+def test_moments_that_a_planar_body_does_not_give_are_no_zeros_and_minus_signs_are_alike():
+    moments = [lw.Inertia(zz=0.5), lw.Inertia(xx=1.0, yy=1.0, zz=0.5), lw.Inertia(zz=0.0)]
+    for moment, told in zip(moments, ("–, –, 0.5", "1, 1, 0.5", "0, 0, 0"), strict=True):
+        body = lw.Body(mass=1.0, centre_of_mass=(-1, 0, 0), inertia=moment)
+        hinge = lw.RevoluteJoint(connects=("ground", "arm"), limits=lw.Limits(lower=-0.5))
+        arm = lw.Mechanism(bodies={"arm": body}, joints={"hinge": hinge})
+        assert bodies_table(arm).rows[0][2:4] == ("−1, 0, 0", told)
+    assert joints_table(lw.Robot(arm)).rows[0][-1] == "angle ≥ −0.5"
 
 
 def test_names_with_markup_are_escaped(tmp_path):

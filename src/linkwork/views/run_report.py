@@ -180,10 +180,11 @@ def bodies_table(mechanism: Mechanism) -> PageTable:
     alike: dict[tuple[str, ...], list[str]] = {}
     for name, body in mechanism.bodies.items():
         tensor = body.inertia.tensor()
+        untold = 2 * (body.inertia.planar and body.inertia.zz > 0)  # of a planar body: xx and yy
         entries = (
             short(body.mass, 6),
             ", ".join(short(x, 4) for x in body.centre_of_mass),
-            ", ".join(short(x, 4) for x in np.diag(tensor)),
+            ", ".join(["–"] * untold + [short(x, 4) for x in np.diag(tensor)[untold:]]),
             ", ".join(short(x, 4) for x in tensor[[0, 0, 1], [1, 2, 2]])
             if tensor[[0, 0, 1], [1, 2, 2]].any()
             else "–",
@@ -235,7 +236,7 @@ def gear_terms(gear: GearJoint) -> Iterator[tuple[str, float, str]]:
 def bound(limits: Limits) -> str:
     """Return limits as text: ≥ 0.1, ≤ 2, speed ≤ 3."""
     ends = ("≥", limits.lower), ("≤", limits.upper), ("speed ≤", limits.speed)
-    return ", ".join(f"{sign} {end:g}" for sign, end in ends if end is not None)
+    return ", ".join(f"{sign} {short(end, 6)}" for sign, end in ends if end is not None)
 
 
 def peaks_table(data: xarray.Dataset, name: str) -> PageTable | None:
