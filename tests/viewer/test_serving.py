@@ -308,8 +308,9 @@ def test_the_command_tells_one_address_and_nothing_but_data_where_that_is_asked_
     monkeypatch.setattr(Viewer, "wait", lambda self: None)
     told = invoke("view", "prr3", "--no-browser", "--json")
     assert set(json.loads(told.stdout)) == {"robot", "url"}
-    said = invoke("view", "prr3", "--no-browser").stdout
-    assert said.count("http://") == 1 and "?token=" in said
+    said = invoke("view", "prr3", "--no-browser")
+    assert said.stdout.count("http://") == 1 and "?token=" in said.stdout
+    assert "://" not in said.stderr  # as viser's address, by which nobody is let in
 
 
 def test_the_command_serves_a_saved_run_until_it_is_interrupted(robot, tmp_path):

@@ -15,11 +15,10 @@ import hmac
 import secrets
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
-from io import StringIO
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
@@ -94,12 +93,26 @@ def serve(host: str, port: int | None) -> tuple[viser.ViserServer, str]:
         raise LinkworkError(MISSING) from None
     free = free_port(host, port)
     door, used = Door(f"linkwork-{free}"), []
-    with kept(door, used), redirect_stdout(StringIO()):  # viser tells an address without the token
+    with kept(door, used), silent():
         server = viser.ViserServer(host=host, port=free, verbose=False)
     if not used:
         server.stop()
         raise LinkworkError(UNGUARDED)
     return server, f"http://{shown_host(host)}:{server.get_port()}/?token={door.token}"
+
+
+@contextmanager
+def silent() -> Iterator[None]:
+    """Keep viser, which prints by Rich wherever that prints to, from telling an address without the
+    token: nobody is let in there."""
+    import rich
+
+    console = rich.get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before
 
 
 @contextmanager
