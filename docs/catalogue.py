@@ -4,12 +4,14 @@ docs/catalogue.py"""
 import inspect
 from collections.abc import Callable
 from pathlib import Path
+from textwrap import fill
 
 from linkwork import Mechanism, Robot, robots
 from linkwork.cli.catalogue import subject
 from linkwork.cli.info import mobility, structure
 
 PAGE = Path(__file__).with_name("catalogue.md")
+COLUMNS = 100
 HEAD = """# The catalogue
 
 The robots of `linkwork.robots`, each a function that returns a `Mechanism`; its parameters are
@@ -65,7 +67,7 @@ def entry(name: str, function: Callable[..., Mechanism], robot: Robot) -> str:
     table = "".join(f"| {title} | {value} |\n" for title, value in rows.items())
     return f"""## {name}
 
-{subject(text)}
+{fill(subject(text), COLUMNS)}
 
 ![{robot.mechanism.name}](images/catalogue/{name}.svg)
 

@@ -42,7 +42,7 @@ def test_code(page, tmp_path, monkeypatch):
         if language == "python":
             exec(compile(text, f"{page.name}, block {number}", "exec"), names)
         else:
-            for line in text.splitlines():
+            for line in text.replace("\\\n", " ").splitlines():
                 called(line)
 
 
