@@ -206,3 +206,39 @@ def test_the_viewers_former_name_still_leads_to_it_and_says_so():
     with pytest.warns(DeprecationWarning):
         former = importlib.import_module("linkwork.views.viewer.session")
     assert former.Session.__name__ == Session.__name__
+
+
+def test_cables_are_drawn_straight_from_point_to_point_and_not_where_they_go_round_a_surface():
+    point, tip = {"type": "point", "body": "ground"}, {"type": "point", "body": "beam"}
+    path = [
+        point | {"point": (1, 2, 0)},
+        tip | {"point": (1, 0, 0)},
+        {"type": "cylinder", "body": "ground", "radius": 0.1},
+        point | {"point": (0, 1, 0)},
+        tip | {"point": (0.5, 0, 0)},
+        {"type": "pulley", "divisor": 2},
+        point | {"point": (3, 1, 0)},
+        tip | {"point": (1, 0, 0)},
+    ]
+    cable = {"type": "cable", "path": path}
+    beam = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.1))
+    hinge = lw.RevoluteJoint(connects=("ground", "beam"))
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"beam": beam},
+            joints={"hinge": hinge},
+            transmissions={"rope": cable},
+            actuators=("rope",),
+            gravity=(0, 0, 0),
+        )
+    )
+    turned = robot.state([0.3])
+    scene = scene_of(robot, robot.home, turned)
+    drawn = [part.at(scene.moves_to(0)) for part in scene.parts if part.role == "cable"]
+    end = np.array([np.cos(0.3), np.sin(0.3), 0])
+    expected = [[(1, 2, 0), end], [(0, 1, 0), 0.5 * end], [(3, 1, 0), end]]
+    assert [part.colour for part in drawn] == [DRIVEN] * 3
+    for part, points in zip(drawn, expected, strict=True):
+        np.testing.assert_allclose(part.form.points, points, atol=1e-15)
+    assert robot.home.positions[0] == 0 and scene.points[:, 0].max() == 3
+    assert sum(isinstance(fixture.carrier, int) for fixture in fixtures_of(robot).parts) == 3

@@ -45,6 +45,7 @@ LOOKS = {
     "tube": RoleLook(LINK, 2.03),  # in which a rod slides
     "tip": RoleLook(WHITE, 2.5),  # of a rod
     "spring": RoleLook(INK, 2.6),
+    "cable": RoleLook(INK, 2.6),
     "gear": RoleLook(GREY, 3.2),  # line between geared joints
     "mass": RoleLook(EDGE, 3.4),  # that is nearly a point
     "guide": RoleLook(GREY, 3.5),  # on which a joint slides between moving bodies

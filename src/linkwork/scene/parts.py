@@ -70,7 +70,7 @@ class Coil:
 class ScenePart:
     """Hold one thing that is drawn, in the ground's axes [m].
 
-    name: of the body, joint, spring, gear or tool; role: what it is of it
+    name: of the body, joint, spring, cable, gear or tool; role: what it is of it
     bodies: that it moves with: one, or one for each of its points
     own: its own colour, where it has one; standing: whether it stands for the joint of its name, as
     one of its parts does

@@ -16,7 +16,7 @@ import numpy as np
 from linkwork.mechanism import GROUND, Mechanism
 from linkwork.mechanism.limits import limited
 from linkwork.robot import Robot, State
-from linkwork.scene.colours import TRIAD
+from linkwork.scene.colours import DRIVEN, TRIAD
 from linkwork.scene.curves import hull
 from linkwork.scene.ground import ground
 from linkwork.scene.meshes import BALL, PlacedMesh, drawable
@@ -25,8 +25,8 @@ from linkwork.scene.skeleton import Skeleton, skeleton
 from linkwork.scene.symbols import symbol
 
 # Lengths are relative to the mechanism
-# Radii of bars, of a tool's axes, and of the lines between geared joints.
-BAR, AXIS, COUPLING = 0.011, 0.004, 0.003
+# Radii of bars, of a tool's axes, of the lines between geared joints, and of cables.
+BAR, AXIS, COUPLING, CABLE = 0.011, 0.004, 0.003, 0.003
 ARROW, MASS, WINDING = 0.09, 0.035, 0.025  # length of a tool's axes, radii of masses and of springs
 
 
@@ -83,6 +83,7 @@ class Scene:
             *ground(pose, self.moves, limits, size, planar),
             *bodies(mechanism, pose, size, self.flat),
             *(part for joint in pose.joints for part in symbol(joint, size)),
+            *cables(mechanism, pose, size),
             *others(mechanism, pose, size, planar),
         )
 
@@ -127,6 +128,15 @@ def bodies(mechanism: Mechanism, pose: Skeleton, size: float, flat: bool) -> Ite
         yield ScenePart(
             name, "mass", (name,), PlacedMesh(BALL, place, np.eye(3), np.full(3, MASS * size))
         )
+
+
+def cables(mechanism: Mechanism, pose: Skeleton, size: float) -> Iterator[ScenePart]:
+    """Yield the straight runs of cables; those that are driven in the colour of what is."""
+    for name, runs in pose.cables.items():
+        colour = DRIVEN if name in mechanism.actuators else None
+        for k, (bodies, points) in enumerate(runs):
+            line = Bar(points, CABLE * size)
+            yield ScenePart(f"{name}.{k}" if k else name, "cable", bodies, line, colour)
 
 
 def others(mechanism: Mechanism, pose: Skeleton, size: float, planar: bool) -> Iterator[ScenePart]:

@@ -1,8 +1,8 @@
 """The points of a mechanism in a pose that are worth drawing, seen from the ground.
 
-A body is its shapes. One without shapes is the set of points where its joints, springs and tools
-sit; their convex hull is drawn. The mass centre is added where these would not show the body: on a
-body that hangs on one joint, and where the mass is nearly a point.
+A body is its shapes. One without shapes is the set of points where its joints, springs, cables and
+tools sit; their convex hull is drawn. The mass centre is added where these would not show the body:
+on a body that hangs on one joint, and where the mass is nearly a point.
 
 Links whose hinges' axes all meet in one point have all their joints there. But a hinge may stand
 anywhere on its axis: it is moved to the foot of the mass centres of the two bodies it joins, and a
@@ -22,6 +22,7 @@ from linkwork.equations.joints import ElementaryMotion, held_length, motions_of,
 from linkwork.mechanism import GROUND, Frame, Mechanism, PairJoint, Shape
 from linkwork.mechanism.joints import SLIDES
 from linkwork.robot import Robot, State
+from linkwork.scene.cable_runs import CableRun, Placed, cable_points, cable_runs
 from linkwork.scene.curves import arc, hull
 from linkwork.scene.meshes import PlacedMesh, drawable, piece_of
 
@@ -31,8 +32,6 @@ POINT_MASS = 0.2
 """Radius of gyration over the distance to the farthest joint, below which a mass is nearly a
 point."""
 HINGE, SLIDER = (1, 0, False), (0, 1, False)  # motions of a joint
-
-Placed = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -100,7 +99,8 @@ class Skeleton:
     arcs: the polylines of bodies that are arcs between two hinges
     joints: all that hold two bodies in some way
     gears: the two or more joints that a gear couples, by its name
-    springs: their two ends (2, 3); anchors: those of them that are on the ground (k, 3)
+    springs: their two ends (2, 3); cables: their straight runs
+    anchors: the ends of springs and points of cables that are on the ground (k, 3)
     masses: the places (3) of masses that are nearly points, by body
     tools: origin (3) and axes (3, 3), in columns
     """
@@ -111,6 +111,7 @@ class Skeleton:
     joints: tuple[JointPlace, ...]
     gears: dict[str, tuple[JointPlace, ...]]
     springs: dict[str, np.ndarray]
+    cables: dict[str, list[CableRun]]
     anchors: np.ndarray
     masses: dict[str, np.ndarray]
     tools: dict[str, Placed]
@@ -120,9 +121,9 @@ class Skeleton:
         """Return all points (N, 3)."""
         ends = [np.stack([joint.near, joint.far]) for joint in self.joints]
         corners = [solid.corners for solids in self.solids.values() for solid in solids]
-        return np.concatenate(
-            [*self.bodies.values(), *corners, *self.arcs.values(), *ends, *self.springs.values()]
-        )
+        runs = [run.points for runs in self.cables.values() for run in runs]
+        held = [*ends, *self.springs.values(), *runs]
+        return np.concatenate([*self.bodies.values(), *corners, *self.arcs.values(), *held])
 
     @property
     def by_body(self) -> dict[str, np.ndarray]:
@@ -186,6 +187,7 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
         for name, spring in mechanism.springs.items()
         for end in zip(spring.connects, springs[name], strict=True)
     ]
+    hung += [place for _, path in cable_points(mechanism, poses) for place in path if place]
     anchors = np.array([p for body, p in hung if body == GROUND]).reshape(-1, 3)
     ends = [*hung, *(end for joint in joints for end in joint.ends)]
     ends += [(tool.body, tools[name][0]) for name, tool in mechanism.tools.items()]
@@ -224,7 +226,8 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
         )
         for name, gear in mechanism.gears.items()
     }
-    return Skeleton(bodies, solids, arcs, joints, gears, springs, anchors, masses, tools)
+    cables = cable_runs(mechanism, poses)
+    return Skeleton(bodies, solids, arcs, joints, gears, springs, cables, anchors, masses, tools)
 
 
 def placed(pose: Placed, point: Sequence[float]) -> np.ndarray:
