@@ -145,7 +145,9 @@ def test_what_cannot_be_run_again_says_so(robot, tmp_path):
         assert one.smooth is one
 
 
-@pytest.mark.parametrize("samples", [1, 0, 2.5, "many", [0.0, np.nan], [0.5, 0.1]])
+@pytest.mark.parametrize(
+    "samples", [1, 0, 2.5, "many", [0.0, np.nan], [0.5, 0.1], [[0.1], [0.2, 0.3]]]
+)
 def test_samples_that_are_none_are_refused(run, samples):
     with pytest.raises(lw.LinkworkError, match=r"samples|times|save_at"):
         run.resampled(samples)

@@ -157,7 +157,7 @@ class Run(Portrayed):
                 "this run cannot be run again at other times: it was read from a file, or a Python "
                 "function controls it; give samples or save_at to robot.simulate"
             )
-        if np.ndim(samples):
+        if isinstance(samples, list | tuple) or np.ndim(samples):
             return self.again(np.atleast_1d(finite(samples, "the times")))
         if (number := count(samples, "samples", MOST)) < 2:
             raise LinkworkError("samples is 1; give at least 2, the first and the last")
