@@ -50,6 +50,16 @@ def test_xarray_reads_names_units_and_labels(tmp_path):
     np.testing.assert_array_equal(found["where"], np.abs(found["tool_pose"]).max("time"))
 
 
+def test_another_version_does_not_add_to_a_store_but_tells_what_is_finished(tmp_path):
+    sweep(study(), tmp_path)
+    group = zarr.open_group(tmp_path / "results.zarr", mode="r+")
+    group.attrs["linkwork"] = "0.0.9"
+    assert sweep(study(), tmp_path).before == 4
+    (tmp_path / "results.zarr" / "end" / "c" / "1").unlink()
+    with pytest.raises(StudyError, match=r"begun by version 0\.0\.9 .*, and this is \d.* go on"):
+        sweep(study(), tmp_path)
+
+
 def test_what_is_finished_is_not_computed_again(tmp_path, monkeypatch):
     done = counted(monkeypatch)
     outcome = sweep(study(), tmp_path)

@@ -83,6 +83,8 @@ def sweep(
     states = [store.state(index) for index in range(study.chunks)]
     before = states.count("finished")
     pending = [index for index, state in enumerate(states) if state != "finished"]
+    if pending:
+        store.require_this_version()
     report(before, study.chunks)
     found = (
         here(study, pending, threads)

@@ -29,17 +29,19 @@ if TYPE_CHECKING:
     import zarr
 
 CHECKSUM = "checksum"
-STUDY = "study"
+STUDY, PROGRAM = "study", "linkwork"
 DESCRIPTION = "zarr.json"
 
 
 @dataclass(frozen=True, eq=False)
 class Store:
-    """Hold the results of a study on disk."""
+    """Hold the results of a study on disk; begun_by: the version of the program that made the
+    store."""
 
     path: Path
     bench: Bench
     arrays: Mapping[str, zarr.Array]
+    begun_by: str
 
     @classmethod
     def open(cls, path: Path, bench: Bench) -> Store:
@@ -71,7 +73,16 @@ class Store:
         mend(path, bench)
         group, arrays = opened(path, bench)
         name_axes(path, group, bench)
-        return cls(path, bench, arrays)
+        return cls(path, bench, arrays, str(group.attrs.get(PROGRAM)))
+
+    def require_this_version(self) -> None:
+        """Refuse to add to what another version of the program computed: members might differ."""
+        if self.begun_by != version(PROGRAM):
+            raise StudyError(
+                f"{self.path} was begun by version {self.begun_by} of the program, and this is "
+                f"{version(PROGRAM)}, whose numbers may differ; go on with that one, or give "
+                "another folder"
+            )
 
     def rows(self, index: int) -> slice:
         """Return the members of a chunk."""
@@ -150,7 +161,7 @@ def lay_out(place: Any, bench: Bench) -> None:
 
     # Whose results these are.
     study = bench.study
-    about = {**told(study), "linkwork": version("linkwork")}
+    about = {**told(study), PROGRAM: version(PROGRAM)}
     group = zarr.create_group(place, attributes=about)
     # An array for each field, a chunk of members in each file; a checksum marks finished chunks.
     for name, field in bench.fields.items():
