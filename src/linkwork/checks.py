@@ -24,6 +24,7 @@ DOUBLE = np.dtype(float)
 MOST = 100_000_000  # of things that are held at a time: more do not fit into memory
 LEAST = float(np.finfo(float).tiny)
 FEW = 50  # numbers that Python sums sooner than NumPy is asked about them
+AT_A_GLANCE = 6  # names of which nobody asks which one is the nearest
 
 
 def shown(value: object) -> str:
@@ -266,13 +267,15 @@ def several(values: Any, kind: type[Kind], what: str) -> tuple[Kind, ...]:
 
 
 def known(names: Iterable[object], allowed: Sequence[str], kind: str, use: str = "") -> None:
-    """Refuse a name that is not among those allowed, and show these.
+    """Refuse a name that is not among those allowed, and show these, and of many the nearest.
 
     kind: what they are the names of; use: what they are asked for, if that is part of the sentence
     """
     for name in names:
         if not isinstance(name, str) or name not in allowed:
             there = ", ".join(allowed) or "none"
+            if isinstance(name, str) and len(allowed) > AT_A_GLANCE:
+                there += suggestion(name, allowed)
             raise LinkworkError(f"there is no {kind} {shown(name)}{use}; there are {there}")
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork import checks
 from linkwork.robots import five_bar
 
 PATH = lw.paths.line([0.15, 0.4], [0.15, 0.42])
@@ -255,6 +256,16 @@ def test_wrong_input_is_refused_in_one_sentence(robot, name):
         action(robot, home, robot.state(np.stack([home.positions] * 3)))
     assert word in str(refusal.value), str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+def test_of_many_names_the_nearest_is_asked_for():
+    legs = [f"leg_{i}" for i in range(1, 8)]
+    with pytest.raises(
+        lw.LinkworkError, match=r"no joint 'Leg3'; .*, leg_7 \(did you mean leg_3\?"
+    ):
+        checks.known(["Leg3"], legs, "joint")
+    with pytest.raises(lw.LinkworkError, match=r"no joint 'Leg3'; there are leg_1, leg_2, leg_3$"):
+        checks.known(["Leg3"], legs[:3], "joint")
 
 
 def test_empty_stacks_go_through_everything(robot):
