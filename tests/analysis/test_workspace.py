@@ -87,25 +87,44 @@ def test_parts_of_a_mode_that_no_neighbour_leads_to_are_found_on_coarse_grids(mo
     np.testing.assert_array_equal(mapped.reachable, expected)
 
 
-def test_straight_ways_from_the_guess_lead_where_no_neighbour_does():
-    """A ball of each leg of a 3-RRS has to be nearer to its motor than the leg is long, and farther
-    than its links differ by."""
-    base, platform, first, second = 0.201, 0.186, 0.1186, 0.2107
-    robot = lw.Robot(lw.robots.rrs3(base, platform, first, second, 0.244))
-    axes = {"rx": np.linspace(-0.8, 0.8, 11), "ry": [-0.8, -0.4, 0.0, 0.4, 0.8]}
-    mapped = workspace(robot, {"z": 0.1634, **axes})
-    turns = np.stack([*np.meshgrid(*axes.values(), indexing="ij"), np.zeros((11, 5))], axis=-1)
-    R, (rx, ry, _) = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix(), turns.reshape(-1, 3).T
+def rrs3_reached(axes, base, platform, first, second):
+    """Tell where (z, rx, ry) all legs of a 3-RRS reach: a ball of each leg has to be nearer to its
+    motor than the leg is long, and farther than its links differ by."""
+    z, rx, ry = (part.ravel() for part in np.meshgrid(*axes.values(), indexing="ij"))
+    R = Rotation.from_rotvec(np.stack([rx, ry, 0 * rx], axis=1)).as_matrix()
     tilt, azimuth = np.hypot(rx, ry), np.arctan2(-rx, ry)
     aside = platform * (1 - np.cos(tilt)) / 2
-    P = np.stack([-aside * np.cos(2 * azimuth), aside * np.sin(2 * azimuth), 0 * rx + 0.1634], 1)
+    P = np.stack([-aside * np.cos(2 * azimuth), aside * np.sin(2 * azimuth), z], 1)
     expected = np.ones(len(R), bool)
     for f in (0.0, 2 * np.pi / 3, 4 * np.pi / 3):
         e = np.array([np.cos(f), np.sin(f), 0.0])
         ball = P + platform * R @ e
         away = np.hypot(ball @ e - base, ball[:, 2])
-        expected &= (away < first + second) & (away > second - first)
-    np.testing.assert_array_equal(mapped.reachable.values.ravel(), expected)
+        expected &= (away < first + second) & (away > abs(second - first))
+    return expected
+
+
+def test_straight_ways_from_the_guess_lead_where_no_neighbour_does():
+    sizes = 0.201, 0.186, 0.1186, 0.2107
+    robot = lw.Robot(lw.robots.rrs3(*sizes, 0.244))
+    axes = {"z": 0.1634, "rx": np.linspace(-0.8, 0.8, 11), "ry": [-0.8, -0.4, 0.0, 0.4, 0.8]}
+    expected = rrs3_reached(axes, *sizes)
+    np.testing.assert_array_equal(workspace(robot, axes).reachable.values.ravel(), expected)
+
+
+def test_parts_that_hang_together_with_the_guess_nowhere_are_told_and_mapped_from_there():
+    """A 3-RRS, whose legs share a stage, reaches three parts beside the one that holds home."""
+    sizes = 0.204, 0.177, 0.135, 0.227
+    robot = lw.Robot(lw.robots.rrs3(*sizes, 0.23))
+    axes = {"z": np.linspace(-0.1, 0.3, 6), "rx": np.linspace(-1.2, 1.2, 8)}
+    axes["ry"] = np.linspace(-1.2, 1.2, 7)
+    reached = workspace(robot, axes)
+    missing = rrs3_reached(axes, *sizes) & ~reached.reachable.values.ravel()
+    poses = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1).reshape(-1, 3)[missing]
+    assert missing.sum() > 20
+    assert f"at {missing.sum()} more, such as z -0.1, rx " in reached.attrs["message"]
+    there = workspace(robot, axes, guess=robot.assemble(tool=poses[0])).reachable.values.ravel()
+    assert there[missing][0] and not there[~missing].any()
 
 
 def test_the_3_prr_at_constant_orientation_reaches_a_triangle():
@@ -370,14 +389,11 @@ def test_two_legs_of_a_delta_turned_over_are_another_working_mode():
     assert mapped.z.values[mapped.reachable.any(["x", "y"]).values].max() > 0.3
 
 
-def test_poses_across_cells_lead_where_no_neighbour_does():
-    """All legs reach, on the branch of home, and the normals of their parallelograms keep their
-    orientation: else the platform may turn."""
-    base, platform, arm, rod, height = 0.24, 0.058, 0.236, 0.662, 0.795
-    robot = lw.Robot(lw.robots.delta(base, platform, arm, rod, 0.19, height))
-    axis, z = np.linspace(-0.8, 0.8, 11), np.linspace(-1.1, -0.2, 10)
-    mapped = workspace(robot, {"x": axis, "y": axis, "z": z})
-    poses = np.stack(np.meshgrid(axis, axis, z, indexing="ij"), axis=-1).reshape(-1, 3)
+def delta_reached(robot, axes, sizes):
+    """Tell where (x, y, z) all legs of a Delta reach, and the normals of their parallelograms keep
+    their orientation: else the platform may turn."""
+    base, platform, arm, rod, height = sizes
+    poses = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1).reshape(-1, 3)
     poses = np.concatenate([[[0.0, 0.0, -height]], poses])
     both, normals = delta_legs(robot, poses, (base, platform), arm, rod), []
     side = np.argmin(np.abs(np.sin((both[0, 0] - robot.home["motor_1"]) / 2)))
@@ -390,8 +406,21 @@ def test_poses_across_cells_lead_where_no_neighbour_does():
         normals.append(np.cross(links, np.cross([0, 0, 1], e)) / rod)
     with np.errstate(invalid="ignore", divide="ignore"):
         held = np.linalg.det(np.stack(normals, axis=1))
-        expected = held[1:] / held[0] > 0
-    np.testing.assert_array_equal(mapped.reachable.values.ravel(), expected)
+        return held[1:] / held[0] > 0
+
+
+@pytest.mark.parametrize(
+    "sizes", [(0.24, 0.058, 0.236, 0.662, 0.795), (0.31, 0.11, 0.21, 0.84, 0.82)]
+)
+def test_poses_across_cells_lead_where_no_neighbour_does(sizes):
+    """Nor do all ways: parts of the branch are by themselves on the grid."""
+    robot = lw.Robot(lw.robots.delta(*sizes[:4], 0.19, sizes[4]))
+    axis, z = np.linspace(-0.8, 0.8, 11), np.linspace(-1.1, -0.2, 10)
+    axes = {"x": axis, "y": axis, "z": z}
+    mapped = workspace(robot, axes)
+    np.testing.assert_array_equal(
+        mapped.reachable.values.ravel(), delta_reached(robot, axes, sizes)
+    )
 
 
 def test_a_robot_keeps_its_jacobians_and_another_design_has_its_own():

@@ -188,6 +188,16 @@ def test_a_pose_of_another_branch_is_refused_and_says_so():
     assert state["shoulder"] == pytest.approx(shoulder) and state["elbow"] == pytest.approx(elbow)
 
 
+def test_a_platform_that_only_shifts_is_not_found_turned_over():
+    """A leg of this Delta does not reach the pose, but of a platform that turns where the loops let
+    it go, with all signs as at home."""
+    robot = lw.Robot(lw.robots.delta(0.359, 0.127, 0.225, 0.611, 0.19, 0.414))
+    with pytest.raises(lw.UnreachableError, match="only on another branch"):
+        robot.assemble(tool=[-0.267, 0.0, -0.3])
+    turned = robot.assemble(tool=[-0.267, 0.0, -0.3], branch="any")
+    assert abs(turned["pose.qw"]) < 0.9
+
+
 def test_a_branch_that_is_none():
     with pytest.raises(lw.LinkworkError, match="branch is 'best'; give 'guess' or 'any'"):
         built("five_bar").assemble(tool=[0.1, 0.3], branch="best")

@@ -7,9 +7,10 @@ the working mode: where the determinants of the inverse problem's stages have th
 have at the guess (`square`). So the boundary is drawn by the determinants, not by where Newton's
 method happens to end. Legs that are coupled make one stage, whose sign does not tell all branches
 (an arm's elbow and shoulder both turned over): there the poses count that straight ways from the
-guess and from neighbour to neighbour, across cells, too, lead to (`grid_branches`). Where rows of
-the loops depend on each other one that is kept may vanish in vain: ways are led and determinants
-told by all rows then (`all_rows`).
+guess and from neighbour to neighbour, across cells, too, lead to (`grid_branches`), and those where
+each leg has a sign of its own (`model.leg_sides`); what only has all signs in common is told, and
+left out. Where rows of the loops depend on each other one that is kept may vanish in vain: ways are
+led and determinants told by all rows then (`all_rows`).
 
     conditioning        1 / cond K, between lengths over time (`jacobians`): 0 singular, 1 isotropic
     isotropic velocity  min_i rate_i / |row i of K|      what the tool reaches in every direction,
@@ -35,16 +36,20 @@ from numpy.typing import ArrayLike
 
 from linkwork.analysis._jacobians import Jacobians, jacobians
 from linkwork.analysis.all_rows import all_rows
-from linkwork.analysis.grid_branches import DIRECT, GridBranch, actuated, led, tells_all
+from linkwork.analysis.grid_branches import (
+    DIRECT,
+    GridBranch,
+    led,
+    tells,
+    tells_all,
+)
 from linkwork.analysis.grid_steps import aside, beside, neighbours, one_of
+from linkwork.analysis.measured_reach import attributes, measured, measured_at
 from linkwork.analysis.newton import (
-    CHUNK,
     Solver,
-    in_threads,
     random_configurations,
     solver,
 )
-from linkwork.analysis.singular_values import singular_values
 from linkwork.analysis.turning_alone import turns_alone
 from linkwork.checks import by_name, reals
 from linkwork.equations.algebra import wrapped
@@ -53,6 +58,7 @@ from linkwork.mechanism.limits import limited
 from linkwork.mechanism.task import unit
 from linkwork.model import checks, task
 from linkwork.model.evaluation import of_actuators
+from linkwork.model.leg_sides import LegSides
 from linkwork.model.posing import start_of
 from linkwork.patience import announced
 from linkwork.robot import Robot, State
@@ -68,15 +74,8 @@ COARSE = 0.2  # part of the way to a neighbour, of steps that are tried before a
 Step = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Solve poses (N, n) from configurations (N, nq) at others (N, n): configurations, and whether they
 are solved."""
-MEANING = {
-    "conditioning": ("1", "1 / cond K"),
-    "det_A": ("1", "det A over that at the reference"),
-    "det_B": ("1", "det B over that at the reference"),
-    "isotropic_velocity": ("m/s", "velocity reached in every direction"),
-    "isotropic_turn_rate": ("rad/s", "angular velocity reached about every axis"),
-    "isotropic_force": ("N", "force borne in every direction"),
-    "isotropic_moment": ("N m", "moment borne about every axis"),
-}
+Kept = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Configurations (N, nq), and whether they are found -> those, and whether they are kept."""
 
 
 @announced("mapping the workspace")
@@ -110,7 +109,8 @@ def workspace(
         conditioning; det_A, det_B over their values at the reference; isotropic_velocity [m/s],
         isotropic_turn_rate [rad/s], isotropic_force [N], isotropic_moment [N m] where rates
         and forces are given. What is out of reach is NaN. Its attrs say what was computed, in
-        `message` how much is reached.
+        `message` how much is reached, and what may be on parts of the mode that hang together with
+        the guess nowhere.
 
     Raises:
         LinkworkError: unknown coordinates or joints, another number of them than freedoms,
@@ -122,14 +122,16 @@ def workspace(
     assert J.inverse.asked is not None
     start = start_of(robot, guess).q
     held = replace(poses, values=J.inverse.asked.given(poses.values))
-    q, good = reach(problem, held, start, J)
-    good[good] = within(robot, q[good], bounds(robot, limits))
+    q, good, apart = reach(problem, held, start, J)
+    for part in (good, apart):
+        part[part] = within(robot, q[part], bounds(robot, limits))
     return dataset(
         J,
         poses,
         start,
         q,
         good,
+        apart,
         positive(robot, rates, "rates"),
         positive(robot, forces, "forces"),
         length,
@@ -178,9 +180,9 @@ def read_grid(robot: Robot, grid: Mapping[str, ArrayLike]) -> dict[str, np.ndarr
 
 def reach(
     problem: Solver, poses: Poses, start: np.ndarray, J: Jacobians
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return configurations (N, nq) at the poses, and which of these are reached on the working
-    mode of the start (N)."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return configurations (N, nq) at the poses, which of these are reached on the working mode of
+    the start (N), and which others may be on it, but hang together with it nowhere (N)."""
     determinants, by_all = problem.verdict(start, poses.values[0])[1], all_rows(J.inverse).spared
     require_regular(all_rows(J.inverse).sizes(start[None]) if J.spared else determinants)
     mode = np.sign(determinants)
@@ -198,6 +200,12 @@ def reach(
         spread(poses, q, good, branch.walked_where_met, good, beside(axes)[::-1])
         to = np.vstack([beside(axes), aside(axes)])
         spread(poses, q, good, branch.walked_farther, good, to, hopeful(poses, q, good, branch, to))
+        # What signs tell to be on the mode, each leg's by itself, is on it where all legs have one.
+        side = side_at(J, start)
+        more = not_told_apart(problem, poses, q, good, branch, mode, side)
+        if not (side and all(tells(J, stage.columns) for stage in side.stages.stages)):
+            return q, good, more & ~good
+        good = more
     elif by_all:
         # A row that is kept may vanish in vain: the tool is led by all rows.
         begin, here = (
@@ -217,7 +225,50 @@ def reach(
         lone = some_of(~good)
         q[lone], good[lone] = scattered(problem, poses.values[lone], mode)
         spread(poses, q, good, near, lone)
-    return q, good
+    return q, good, np.zeros(len(good), bool)
+
+
+def side_at(J: Jacobians, start: np.ndarray) -> LegSides | None:
+    """Return on which side of their stretched poses single legs are at a start (nq), if that is
+    told."""
+    leader = all_rows(J.inverse).leader
+    return leader.side(start, leader.signs(start[None])[0])
+
+
+def not_told_apart(
+    problem: Solver,
+    poses: Poses,
+    q: np.ndarray,
+    good: np.ndarray,
+    branch: GridBranch,
+    mode: np.ndarray,
+    side: LegSides | None,
+) -> np.ndarray:
+    """Return at which poses (N) Newton's method leads to solutions that neither the signs of a mode
+    nor the side of a leg tell apart from what is reached, which is among them; q: written to."""
+    rows = all_rows(branch.J.inverse)
+
+    def on_side(found: np.ndarray, there: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if side is not None:
+            there[there] = side.keeps(rows.matrix(found[there]))
+        return found, there
+
+    def kept(found: np.ndarray, there: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if not rows.spared:  # where a determinant vanishes branches meet
+            there[there] = rows.leader.signs(found[there]).all(axis=1)
+        return on_side(found, there)
+
+    def near(q: np.ndarray, _: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return kept(*branch.solve(q, q, end, DIRECT))
+
+    _, good = on_side(q, good.copy())
+    to = beside(len(poses.shape))
+    spread(poses, q, good, near, good, to)
+    if not rows.spared:  # else signs are told from near configurations alone
+        lone = some_of(~good)
+        q[lone], good[lone] = scattered(problem, poses.values[lone], mode, q[good], kept)
+        spread(poses, q, good, near, lone, to)
+    return good
 
 
 def some_of(which: np.ndarray) -> np.ndarray:
@@ -227,14 +278,24 @@ def some_of(which: np.ndarray) -> np.ndarray:
 
 
 def scattered(
-    problem: Solver, poses: np.ndarray, mode: np.ndarray
+    problem: Solver,
+    poses: np.ndarray,
+    mode: np.ndarray,
+    known: np.ndarray | None = None,
+    kept: Kept = lambda *found: found,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return configurations (N, nq) of a mode at poses (N, n) to which random ones lead (fixed
-    seed), and which these are (N)."""
+    seed), and which these are (N).
+
+    known: configurations (K, nq), of which every second one of these is
+    kept: which are, of those found
+    """
     count, random = len(poses), np.random.default_rng(1990)
     each = STARTS // max(count, 16)
     q = random_configurations(problem.square, problem.length, count * each, random)
-    q, good = problem.solve(q, np.repeat(poses, each, axis=0), ITERATIONS, mode)
+    if known is not None and len(known):
+        q[::2] = known[random.integers(len(known), size=len(q[::2]))]
+    q, good = kept(*problem.solve(q, np.repeat(poses, each, axis=0), ITERATIONS, mode))
     good = good.reshape(count, each)
     first = good.argmax(axis=1) + each * np.arange(count)
     return q[first], np.asarray(good.any(axis=1))
@@ -353,11 +414,12 @@ def dataset(
     start: np.ndarray,
     q: np.ndarray,
     good: np.ndarray,
+    apart: np.ndarray,
     rates: np.ndarray | None,
     forces: np.ndarray | None,
     length: float | None,
 ) -> xarray.Dataset:
-    """Measure the reached configurations and name the result."""
+    """Measure the reached configurations and name the result; apart: what is told as left out."""
     import xarray
 
     # Quantities are measured where the tool gets to; all other poses of the grid hold NaN.
@@ -390,16 +452,9 @@ def dataset(
         "mechanism": robot.mechanism.name,
         "characteristic_length": scale,
         "characteristic_length_units": "m",
-        "message": message(good, poses),
+        "message": message(good, poses) + left_out(apart, poses),
     }
     return xarray.Dataset(variables, {**coords, "actuator": list(J.direct.what)}, attrs)
-
-
-def attributes(name: str, J: Jacobians) -> dict[str, str]:
-    """Return the unit and the meaning of a quantity."""
-    if name == "actuator_position":
-        return {"units": ", ".join(J.robot.unit(label) for label in J.direct.what)}
-    return {"units": MEANING[name][0], "long_name": MEANING[name][1]}
 
 
 def message(good: np.ndarray, poses: Poses) -> str:
@@ -415,49 +470,13 @@ def message(good: np.ndarray, poses: Poses) -> str:
     )
 
 
-def measured(
-    q: np.ndarray, at: Callable[[np.ndarray], dict[str, np.ndarray]]
-) -> dict[str, np.ndarray]:
-    """Return what is measured at configurations (N, nq), by name; at: what is at few of them."""
-    parts = [slice(k, k + CHUNK) for k in range(0, max(len(q), 1), CHUNK)]
-    made = in_threads(lambda part: at(q[part]), parts)
-    return {name: np.concatenate([part[name] for part in made]) for name in made[0]}
-
-
-def measured_at(
-    J: Jacobians,
-    q: np.ndarray,
-    rates: np.ndarray | None,
-    forces: np.ndarray | None,
-    scale: float,
-    side: float | None,
-) -> dict[str, np.ndarray]:
-    """Return what is measured at few configurations; side: the sign of det B there, where it is
-    known."""
-    turns = J.turning
-    K, inverse, det_B, det_A = J(q, side)
-    sigma = singular_values(J.homogeneous(K, scale))
-    found = {
-        "actuator_position": actuated(J, q),
-        "conditioning": sigma[:, -1] / sigma[:, 0],
-        "det_A": det_A,
-        "det_B": det_B,
-    }
-    for own, velocity, force in ((~turns, "velocity", "force"), (turns, "turn_rate", "moment")):
-        if rates is not None and own.any():
-            found[f"isotropic_{velocity}"] = largest_ball(K[:, :, own], rates)
-        if forces is not None and own.any():
-            found[f"isotropic_{force}"] = largest_ball(
-                np.swapaxes(inverse[:, own, :], -1, -2), forces
-            )
-    return found
-
-
-def largest_ball(rows: np.ndarray, bound: np.ndarray) -> np.ndarray:
-    """Return the radius of the largest ball in {x: |rows x|_i <= bound_i}: min_i bound_i / |row_i|.
-
-    Args:
-        rows: (..., actuators, k); bound: (actuators).
-    """
-    with np.errstate(divide="ignore"):
-        return (bound / np.linalg.norm(rows, axis=-1)).min(axis=-1)
+def left_out(apart: np.ndarray, poses: Poses) -> str:
+    """Say what may be reached besides, on parts of the mode by themselves."""
+    if not apart.any():
+        return ""
+    first = zip(poses.axes, poses.values[np.argmax(apart)], strict=True)
+    return (
+        f"; at {int(apart.sum())} more, such as "
+        f"{', '.join(f'{name} {value:g}' for name, value in first)}, there are solutions of the "
+        "same signs that hang together with the guess nowhere on this grid: take one as guess"
+    )

@@ -51,10 +51,16 @@ NEAREST = 16  # poses of a grid to which the straight ways from a guess are trie
 def tells_all(J: Jacobians) -> bool:
     """Tell whether the signs of the inverse problem's stages tell its branches apart: each stage is
     one leg's."""
-    rates, rows = J.robot.equations.tree.rates, all_rows(J.inverse)
+    rows = all_rows(J.inverse)
     stages = rows.leader.modes.by_all_rows if rows.spared else J.inverse.chart.stages
+    return all(tells(J, stage.columns) for stage in stages)
+
+
+def tells(J: Jacobians, columns: Sequence[int]) -> bool:
+    """Tell whether the sign of a stage of some rates tells its branches apart: it is one leg's."""
+    rates = J.robot.equations.tree.rates
     driven = {rates.index(name) for name in J.direct.what if name in rates}
-    return all(len(s.columns) <= LEG and len(driven & {*s.columns}) <= 1 for s in stages)
+    return len(columns) <= LEG and len(driven & {*columns}) <= 1
 
 
 def actuated(J: Jacobians, q: np.ndarray) -> np.ndarray:

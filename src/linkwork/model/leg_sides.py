@@ -6,7 +6,8 @@ several legs at once.
 Rates that always stand still (the turns of a platform that only shifts) couple the legs in the rows
 of Phi, but in no motion. Without their columns, and without what vanishes on closed configurations,
 [Phi; J] has smaller stages: determinants of single legs, where that of all has a sign that two
-folded legs give back.
+folded legs give back. Where such rates move, as a platform's that has turned over where the loops
+let it go, the configuration is on another side.
 """
 
 from __future__ import annotations
@@ -20,21 +21,28 @@ from linkwork.equations.independence import independent_rows
 from linkwork.model.modes import ModeStage, ModeStages, determinant, same
 
 STILL = 1e-7  # part of the joints' motion that is none
+MOVED = 1e-4  # part of it that is one where loops are closed by Newton's method
 FAINT = 1e-9  # singular value, over the largest, of rows that depend on each other
 NOTHING = 1e-9  # entry of [Phi; J], in own units, that vanishes on closed configurations
 
 
 @dataclass(frozen=True)
 class LegSides:
-    """Hold the stages of single legs, and the signs (stages) of their determinants somewhere."""
+    """Hold the stages of single legs, and the signs (stages) of their determinants somewhere.
+
+    loops: independent rows of Phi; still: rates that stand still in all motions that these allow
+    """
 
     stages: ModeStages
     signs: np.ndarray
+    loops: tuple[int, ...]
+    still: tuple[int, ...]
 
     def keeps(self, A: np.ndarray) -> np.ndarray:
         """Tell which configurations (K) are on this side, by A = [Phi; J] (K, rows, nv) in own
-        units."""
-        return same(self.stages.signs(A), self.signs)
+        units: also what stands still does so there."""
+        moved = np.abs(motions(A, self.loops)[:, :, self.still]).max(axis=(1, 2), initial=0.0)
+        return same(self.stages.signs(A), self.signs) & (moved <= MOVED)
 
 
 def side_of(A: np.ndarray, closing: int) -> LegSides | None:
@@ -46,10 +54,9 @@ def side_of(A: np.ndarray, closing: int) -> LegSides | None:
         closing: number of its rows that close loops, those of Phi.
     """
     # What moves at all, and the rows that determine it.
-    loops = independent_rows(list(A[:, :closing]))
-    Phi = A[:, list(loops)]
-    motions = np.linalg.svd(Phi)[2][:, len(loops) :]
-    moving = np.flatnonzero(np.linalg.norm(motions, axis=1).max(axis=0) > STILL)
+    loops = tuple(independent_rows(list(A[:, :closing])))
+    moves = np.linalg.norm(motions(A, loops), axis=1).max(axis=0) > STILL
+    moving, still = np.flatnonzero(moves), tuple(np.flatnonzero(~moves).tolist())
     order = [*loops, *range(closing, A.shape[1])]
     parts = A[:, order][:, :, moving]
     there = np.abs(parts).max(axis=0) > NOTHING
@@ -63,7 +70,12 @@ def side_of(A: np.ndarray, closing: int) -> LegSides | None:
         size = float(np.abs(determinant(A, *places)).max())
         stages.append(ModeStage(*places, max(size, 1e-300)))
     found = ModeStages(tuple(stages))
-    return LegSides(found, found.signs(A[0]))
+    return LegSides(found, found.signs(A[0]), loops, still)
+
+
+def motions(A: np.ndarray, loops: tuple[int, ...]) -> np.ndarray:
+    """Return orthonormal motions (K, freedoms, nv) that rows of Phi allow."""
+    return np.linalg.svd(A[:, loops])[2][:, len(loops) :]
 
 
 def sparsest(A: np.ndarray, there: np.ndarray) -> list[int]:
