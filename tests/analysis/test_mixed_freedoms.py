@@ -81,6 +81,9 @@ def test_angles_that_have_no_rates_at_home_are_led_elsewhere():
     grid = dict(zip(names, [x[0] + np.array([-0.01, 0.0, 0.01]), *x[1:]], strict=True))
     assert bool(workspace(robot, grid, guess=aside).reachable.all())
     assert len(working_modes(robot, x.tolist(), starts=2000)) == 8
+    # Its wrist stays on its side, which no sample at home tells.
+    far = robot.assemble(tool=[0.65, -0.04, 0.85, 2.15, 0.64, 2.14], guess=aside)
+    assert far["joint_5"] > 0 and aside["joint_5"] > 0
     assert robot.conditioning(robot.home) < 1e-9 < 0.1 < robot.conditioning(aside)
     assert not singularity(robot, aside).kinds
     with pytest.raises(lw.LinkworkError, match="has no rate at this pose; lead the tool around"):

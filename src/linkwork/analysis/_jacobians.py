@@ -26,8 +26,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from linkwork.analysis.actuated_coordinates import ActuatorsAsked, with_coordinate
 from linkwork.analysis.all_rows import all_rows, together
-from linkwork.analysis.square import Square, of_joints, of_tool
+from linkwork.analysis.square import Square, of_joints, of_tool, square
 from linkwork.checks import amount, reals, shown
 from linkwork.equations import functions
 from linkwork.errors import LinkworkError
@@ -200,14 +201,26 @@ def _of_systems(_: Robot, inverse: Square, direct: Square) -> Jacobians:
 
 
 def of_actuators(robot: Robot) -> Square:
-    """Return the system that asks for the actuated joints, of which there have to be as many as
-    freedoms."""
+    """Return the system that asks for what the actuators act along, joints and transmissions, of
+    which there have to be as many as freedoms."""
     if len(robot.actuators) != task.freedoms(robot):
         raise LinkworkError(
             f"the robot has {amount(len(robot.actuators), 'actuator')} and the mobility "
             f"{robot.mobility}; input-output Jacobians need as many actuators as freedoms"
         )
-    return of_joints(robot, robot.actuators)
+    if {*robot.actuators} <= {*robot.coordinates}:
+        return of_joints(robot, robot.actuators)
+    if loose := {*robot.actuators} - {*with_coordinate(robot)}:
+        raise LinkworkError(
+            f"the actuator {min(loose)!r} acts along no coordinate, as moments of ball joints and "
+            "thrust; input-output Jacobians need such as act along joints, belts or cables"
+        )
+    return robot.once(_of_lines)
+
+
+def _of_lines(robot: Robot) -> Square:
+    asked = ActuatorsAsked.of(robot)
+    return square(robot, asked.what, asked.expressed(robot.equations), asked.units)
 
 
 def input_output(

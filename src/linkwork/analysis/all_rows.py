@@ -22,6 +22,7 @@ from functools import cached_property
 
 import numpy as np
 
+from linkwork.analysis.actuated_coordinates import ActuatorsAsked
 from linkwork.analysis.newton import solver
 from linkwork.analysis.square import Square
 from linkwork.equations.reference import unit
@@ -53,7 +54,9 @@ class AllRows:
         robot, asked = self.square.robot, self.square.asked
         if asked is not None:
             return robot.leader_of_tool(asked, kept=True)
-        return robot.leader_of_joints(robot.joints_asked(self.square.what))
+        if {*self.square.what} <= {*robot.coordinates}:
+            return robot.leader_of_joints(robot.joints_asked(self.square.what))
+        return robot.leader_of_joints(ActuatorsAsked.of(robot))
 
     @property
     def spared(self) -> bool:

@@ -23,6 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from linkwork.analysis._jacobians import Jacobians
+from linkwork.analysis.actuated_coordinates import actuated_coordinates
 from linkwork.analysis.all_rows import all_rows
 from linkwork.analysis.newton import Solver
 from linkwork.analysis.square import Square
@@ -58,19 +59,35 @@ def tells_all(J: Jacobians) -> bool:
 
 def tells(J: Jacobians, columns: Sequence[int]) -> bool:
     """Tell whether the sign of a stage of some rates tells its branches apart: it is one leg's."""
-    rates = J.robot.equations.tree.rates
+    rates, lines = J.robot.equations.tree.rates, J.robot.mechanism.transmissions
     driven = {rates.index(name) for name in J.direct.what if name in rates}
+    for k, name in enumerate(J.direct.what):
+        if name in lines:
+            driven.update(J.direct.J[k, :].sparsity().get_col())
     return len(columns) <= LEG and len(driven & {*columns}) <= 1
 
 
 def actuated(J: Jacobians, q: np.ndarray) -> np.ndarray:
     """Return the actuated coordinates (N, n), angles that turn alone within half a turn of those at
-    home."""
-    robot = J.robot
-    places = [robot.coordinates.index(name) for name in J.direct.what]
+    home, also those by which transmissions are as long as they are."""
+    robot, names = J.robot, J.direct.what
+    if not {*names} <= {*robot.coordinates}:
+        return actuated_coordinates(robot, unwound(robot, q))
+    places = [robot.coordinates.index(name) for name in names]
     values, home = robot.kernel("positions")(q)[0][:, places], robot.home.positions[places]
-    alone = [robot.once(turns_alone, name) for name in J.direct.what]
+    alone = [robot.once(turns_alone, name) for name in names]
     return np.where(alone, home + wrapped(values - home), values)
+
+
+def unwound(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Return configurations (N, nq) with the tree's angles that turn alone within half a turn of
+    those at home."""
+    q, home, tree = q.copy(), robot.home.q, robot.equations.tree
+    for place, _ in tree.single:
+        label = tree.coordinates[place]
+        if label in robot.coordinates and robot.once(turns_alone, label):
+            q[:, place] = home[place] + wrapped(q[:, place] - home[place])
+    return q
 
 
 @dataclass(frozen=True, eq=False)

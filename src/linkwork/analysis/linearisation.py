@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.analysis.actuated_coordinates import with_coordinate
 from linkwork.checks import amount, needed, shown
 from linkwork.equations.fluid import in_wind
 from linkwork.errors import LinkworkError
-from linkwork.mechanism import Cable, Combination, SliderCrank
 from linkwork.model import checks
 from linkwork.model.linear import (
     actuator_forces,
@@ -138,16 +138,14 @@ def natural_modes(
 def refuse_circulation(
     robot: Robot, state: State, M: np.ndarray, K: np.ndarray, usual: float
 ) -> None:
-    """Refuse a stiffness without symmetry: wind, thrust, and moments of actuators that turn about
-    no fixed axis have no potential.
+    """Refuse a stiffness without symmetry: wind, thrust, and moments about no fixed axis have no
+    potential.
 
     usual: size of M^-1 K [1/s^2]
     """
     units = own_rates(robot, state)
     skew = np.linalg.solve(M, (K - K.T) / 2) * units / units[:, None]
-    lines, lengths = robot.mechanism.transmissions, Combination | Cable | SliderCrank
-    even = [name for name, line in lines.items() if isinstance(line, lengths)]
-    led = {*robot.actuators} - {*robot.coordinates, *even}
+    led = {*robot.actuators} - {*with_coordinate(robot)}
     windy = in_wind(robot.mechanism)
     if (windy or led) and largest(skew) > BALANCED * usual:
         where = "in the fluid's wind" if windy else f"under what {', '.join(sorted(led))} exert"

@@ -131,6 +131,8 @@ def modes_of(equations: Equations, p: np.ndarray, asked: Asked) -> ModeStages:
     random = np.random.default_rng(1998)
     around = SPREAD * random.standard_normal((SAMPLES, equations.nq))
     samples = [np.array(read(equations.reference + aside, p)) for aside in (0 * around[0], *around)]
+    # Where angles have no rates at the reference (a roll upright), what is around it tells.
+    samples = [sample for sample in samples if np.isfinite(sample).all()]
     order = [*equations.chart.rows, *range(Phi.shape[0], A.shape[0])]
     kept = [order[k] for k in independent_rows([sample[order] for sample in samples])]
     if not len(kept) == len(order) == equations.nv:

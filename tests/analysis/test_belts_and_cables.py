@@ -1,0 +1,169 @@
+"""Actuators along belts, cables and displacements: what they move by the chain rule, by closed
+forms, and which of them act along a coordinate at all."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import linkwork as lw
+from linkwork.analysis import (
+    along,
+    dexterity,
+    equilibrium,
+    input_output,
+    jacobians,
+    natural_modes,
+    singularity,
+    workspace,
+)
+from linkwork.analysis.actuated_coordinates import with_coordinate
+from linkwork.mechanism import Cable, Combination, Displacement, Thrust, ViaPoint
+
+from tests.catalogue import built
+
+RATIOS = {
+    "five_bar": np.array([[1.5, 0.4], [-0.3, 2.0]]),
+    "par4": np.diag([1.0, 2.0, -1.5, 0.5]) + 0.3 * np.eye(4, k=1),
+}
+ANCHORS = np.array([[0, 0], [2, 0], [1, 2.0]])
+ENDS = np.array([[-0.1, -0.05], [0.1, -0.05], [0, 0.1]])
+
+
+@cache
+def belted(name):
+    """A robot whose motors' belts turn several of its cranks at a time."""
+    described = built(name).mechanism
+    lines = {
+        f"belt_{i}": Combination(
+            ratios=dict(zip(described.actuators, row, strict=True)), offset=0.1 * i
+        )
+        for i, row in enumerate(RATIOS[name].tolist())
+    }
+    return lw.Robot(
+        described.model_copy(update={"transmissions": lines, "actuators": tuple(lines)})
+    )
+
+
+@cache
+def plate(kind):
+    """A plate in the plane that three cables pull, or displacements push."""
+    lines = {
+        f"cable_{i}": Cable(
+            path=(
+                ViaPoint(body="ground", point=(*ANCHORS[i].tolist(), 0)),
+                ViaPoint(body="plate", point=(*ENDS[i].tolist(), 0)),
+            )
+        )
+        for i in range(3)
+    }
+    if kind == "displacements":
+        lines = {
+            "aslant": Displacement(body="plate", base="ground", force=(1, 0.3, 0)),
+            "up": Displacement(body="plate", base="ground", force=(0, 1, 0)),
+            "turn": Displacement(body="plate", base="ground", moment=(0, 0, 2.0)),
+        }
+    return lw.Robot(
+        lw.Mechanism(
+            bodies={"plate": lw.Body(mass=1, inertia=lw.Inertia(zz=0.1))},
+            joints={"plane": lw.PlanarJoint(connects=("ground", "plate"))},
+            transmissions=lines,
+            actuators=tuple(lines),
+            tools={"plate": lw.Tool(body="plate")},
+            gravity=(0, 0, 0),
+            reference={"plane.x": 1.0, "plane.y": 0.7},
+        )
+    )
+
+
+@pytest.mark.parametrize("name", RATIOS)
+def test_belts_move_what_their_cranks_do(name):
+    """a' = M q' of the cranks' rates: K = M K_q, J = J_q M^-1, det A alike over its reference."""
+    robot, direct, M = belted(name), built(name), RATIOS[name]
+    home = direct.task_values(direct.home)
+    poses = np.add(home, [[0.0] * len(home), [0.02, -0.03, 0.04, 0.1][: len(home)]])
+    states = direct.assemble(tool=poses)
+    found, told = jacobians(robot)(states.q), jacobians(direct)(states.q)
+    np.testing.assert_allclose(found.K, M @ told.K, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(found.J, told.J @ np.linalg.inv(M), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found.det_A, told.det_A, rtol=1e-9)
+    own = robot.state(states.positions)
+    np.testing.assert_allclose(dexterity(robot, own).conditioning, robot.conditioning(own))
+    A, B = input_output(robot, own)
+    np.testing.assert_allclose(A, B @ found.K, atol=1e-9)
+    assert not singularity(robot, own.at(0)).kinds
+    np.testing.assert_allclose(along(robot, own).det_A, found.det_A)
+
+
+@pytest.mark.parametrize("name", RATIOS)
+def test_workspaces_of_belts_are_those_of_their_cranks(name):
+    grid = {"x": np.linspace(-0.3, 0.6, 7), "y": np.linspace(-0.4, 0.5, 7)}
+    grid |= {"par4": {"z": [-0.8, -0.5], "rz": 0.2}}.get(name, {})
+    found, told = (workspace(robot, grid, rates=1.0) for robot in (belted(name), built(name)))
+    np.testing.assert_array_equal(found.reachable, told.reachable)
+    offsets = 0.1 * np.arange(len(RATIOS[name]))
+    lengths = told.actuator_position.values @ RATIOS[name].T + offsets
+    np.testing.assert_allclose(found.actuator_position, lengths, atol=1e-9)
+    assert found.isotropic_velocity.attrs == told.isotropic_velocity.attrs
+
+
+def test_cables_pull_along_their_directions():
+    robot, pose = plate("cables"), np.array([1.3, 0.5, 0.9])
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    arms = ENDS @ np.array([[c, s], [-s, c]])
+    ways = arms + pose[:2] - ANCHORS
+    u = ways / np.linalg.norm(ways, axis=1)[:, None]
+    expected = np.column_stack([u, arms[:, 0] * u[:, 1] - arms[:, 1] * u[:, 0]])
+    np.testing.assert_allclose(
+        jacobians(robot)(robot.assemble(tool=pose).q).K, expected, atol=1e-12
+    )
+    mapped = workspace(robot, {"x": [1.3], "y": 0.5, "angle": 0.9})
+    lengths = np.linalg.norm(ways, axis=1)
+    np.testing.assert_allclose(mapped.actuator_position.values[0], lengths, atol=1e-12)
+    assert mapped.actuator_position.attrs["units"] == "m, m, m"
+
+
+def test_displacements_push_as_they_are_described():
+    robot = plate("displacements")
+    state = robot.assemble(tool=[0.6, 0.9, -0.4])
+    expected = [[1, 0.3, 0], [0, 1, 0], [0, 0, 2.0]]
+    np.testing.assert_allclose(jacobians(robot)(state.q).K, expected, atol=1e-12)
+    natural_modes(robot, state, [0.0, 0.0, 0.0])
+
+
+@cache
+def ball(lines):
+    """A ball in a socket, its weight below the middle."""
+    body = lw.Body(mass=1, centre_of_mass=(0, 0, -0.1), inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.05))
+    return lw.Robot(
+        lw.Mechanism(
+            bodies={"ball": body},
+            joints={"socket": lw.SphericalJoint(connects=("ground", "ball"))},
+            transmissions=dict(lines),
+            actuators=tuple(name for name, _ in lines),
+            tools={"ball": lw.Tool(body="ball", task=("rx", "ry", "rz"))},
+        )
+    )
+
+
+def test_what_acts_along_no_coordinate_has_no_potential_wherever_it_is_told():
+    """The angular velocity is no rate of a rotation vector, but about one axis."""
+    axes = {"x": (1.0, 0, 0), "y": (0, 1.0, 0), "z": (0, 0, 1.0)}
+    lines = {
+        name: Displacement(body="ball", base="ground", moment=axis) for name, axis in axes.items()
+    }
+    robot = ball(tuple(lines.items()))
+    assert with_coordinate(robot) == ()
+    assert with_coordinate(plate("displacements")) == ("aslant", "up", "turn")
+    with pytest.raises(lw.LinkworkError, match="'x' acts along no coordinate"):
+        jacobians(robot)
+    held = robot.assemble(tool=[0.3, 0.2, 0.5])
+    with pytest.raises(lw.LinkworkError, match="x, y, z exert the stiffness is not symmetric"):
+        natural_modes(robot, held)
+    with pytest.raises(lw.LinkworkError, match="x, y, z exert has no potential; take stable=F"):
+        equilibrium(robot, {"z": 0.5}, guess=held)
+    fans = {name: Thrust(body="ball", moment=axis) for name, axis in axes.items()}
+    with pytest.raises(lw.LinkworkError, match="'x' acts along no coordinate"):
+        singularity(fanned := ball(tuple(fans.items())), fanned.home)
