@@ -400,3 +400,17 @@ def test_joints_that_lead_beyond_a_singular_pose_are_told():
         crank.assemble({"wrist": 0.2})
         round_ = bennett.assemble({"hinge_1": [3.75, 4.0]})
     assert (np.diff(round_["hinge_2"]) < 0).all()
+
+
+def test_joints_to_which_only_the_straight_way_is_barred_are_not_told():
+    """Where the third motor turns ahead of the others the mechanism comes to the same pose."""
+    robot = built("rrr3")
+    asked = {"motor_1": 1.94, "motor_2": -3.32, "motor_3": -2.19}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        at_once, state = robot.assemble(asked), robot.home
+        for part in np.linspace(0, 2, 81)[1:]:
+            parts = {name: max(part - 1, 0) for name in asked} | {"motor_3": min(part, 1)}
+            joints = {n: float((1 - k) * robot.home[n] + k * asked[n]) for n, k in parts.items()}
+            state = robot.assemble(joints, guess=state)
+    np.testing.assert_allclose(at_once.positions, state.positions, atol=1e-9)

@@ -33,6 +33,7 @@ from linkwork.model.turning import closing
 from linkwork.model.walking import FINEST, FIRST, NEWTON, ROUNDS, Walker
 
 STARTS, ITERATIONS = 48, 40  # random configurations, and Newton's steps from each
+SAME = 1e-6  # difference in own units of configurations that are one
 FINER = 1 / 4096  # part of a way that the shortest step of it is, before it is taken for barred
 PARTS = 64  # of what is asked that are solved at a time from random configurations
 
@@ -70,7 +71,8 @@ class Leader:
             UnreachableError: what is not reached, by its number where there are several.
 
         Warns:
-            ModelWarning: ways of joints that are barred, beyond which another mode may lie.
+            ModelWarning: ways of joints that are barred, straight ones and `bent` ones, beyond
+                which another mode may lie.
         """
         walker = self.walker if len(y) == 1 else None
         if walker:
@@ -89,8 +91,30 @@ class Leader:
             with at(f"{self.least.asked.noun} {k}: ") if len(q) > 1 else nullcontext():
                 q[k] = self.otherwise(start, q[k], y[k], mode)
         if self.modes.chart and not (self.strict or straight.all()):
-            self.tell_barred(y, left[~straight])
+            barred = left[~straight]
+            barred = barred[~self.bent(start, y[barred], q[barred], mode)]
+            if barred.size:
+                self.tell_barred(y, barred)
         return q
+
+    def bent(self, start: np.ndarray, y: np.ndarray, q: np.ndarray, mode: np.ndarray) -> np.ndarray:
+        """Tell to which configurations (K, nq) at what is asked (K, rows) a way leads that keeps
+        the signs of a mode, with one of the rows ahead of the others or behind them."""
+        out, rows, every = self.outputs(start[None]), np.eye(y.shape[1]), np.arange(len(y))
+        way, found = self.least.asked.way(out, y), np.zeros(len(y), bool)
+        begin, end = way(every, np.zeros(len(y))), way(every, np.ones(len(y)))
+        for ahead in np.unique(np.concatenate([rows, 1 - rows]), axis=0):
+            left = np.flatnonzero(~found) if 0 < ahead.sum() < len(rows) else every[:0]
+            corner = begin[left] + ahead * (end[left] - begin[left])
+            first = self.least.asked.way(out, corner)
+            here, there = self.walked(start, first, np.arange(left.size), mode, self.step)
+            left, here = left[there], here[there]
+            if left.size:
+                last = self.least.asked.way(self.outputs(here), end[left])
+                here, there = self.walked(here, last, np.arange(left.size), mode, self.step)
+                away = np.abs((here - q[left]) / self.tree.units).max(axis=1)
+                found[left] = there & (away < SAME)
+        return found
 
     def tell_barred(self, y: np.ndarray, barred: np.ndarray) -> None:
         """Warn of those of what is asked (N, rows) to which straight ways are barred."""
