@@ -251,6 +251,17 @@ def test_refusals(make, sentence):
         plant.simulate(plant.home, make(), duration=1.0)
 
 
+def test_gains_of_runs_keep_the_bounds_of_their_controller(robot):
+    """Not only those that the controller is made with."""
+    law = SlidingMode(robot.home, 1.0, 1.0, 0.1, robot)
+    sentence = r"the controller's boundary is -0\.2; give a positive number"
+    for acting in (law, Sampler(law, rate=100.0, compiled=True)):
+        with pytest.raises(lw.LinkworkError, match=sentence):
+            robot.simulate(robot.home, acting, duration=0.01, parameters={"boundary": -0.2})
+    with pytest.raises(lw.LinkworkError, match=sentence):
+        robot.ensemble(robot.home, law, {"boundary": [0.1, -0.2]}, duration=0.01)
+
+
 def test_weights_of_another_shape_are_refused():
     with pytest.raises(
         lw.LinkworkError, match=r"the weights Q have the shape \(3,\); give 2 numbers, or 2 x 2"

@@ -363,3 +363,25 @@ def test_no_drive_hides_an_undefined_command(plant, drive):
     assert members.status[
         0
     ] == lw.Status.NON_FINITE and "the controller's force on slide" in members.message(0)
+
+
+def test_numbers_of_a_drive_are_judged_with_those_that_they_are_given_with():
+    """Both bounds of an excitation below the drive's own lower one, or one above the other."""
+    robot = cart()
+    muscle = lw.control.Muscle(10.0, 0.5, least_excitation=0.5)
+    least, largest = "slide.least_excitation", "slide.largest_excitation"
+    sentence = r"the drive of 'slide': .* give them so that 0 <= least"
+
+    def single(**given):
+        return robot.simulate(
+            robot.home, [0.3], drives={"slide": muscle}, parameters=given, duration=1e-3
+        )
+
+    assert single(**{least: 0.1, largest: 0.4}).status is lw.Status.FINISHED
+    with pytest.raises(lw.LinkworkError, match=sentence):
+        single(**{largest: 0.4})
+    many = {"drives": {"slide": muscle}, "duration": 1e-3}
+    members = robot.ensemble(robot.home, [0.3], {least: [0.1, 0.6], largest: [0.4, 0.9]}, **many)
+    assert len(members.failed) == 0
+    with pytest.raises(lw.LinkworkError, match=sentence):
+        robot.ensemble(robot.home, [0.3], {least: [0.1, 0.9], largest: [0.4, 0.6]}, **many)

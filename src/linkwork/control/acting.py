@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, is_dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import casadi as ca
@@ -20,9 +21,10 @@ import numpy as np
 
 from linkwork import checks
 from linkwork.control.continued import Followed
-from linkwork.control.drives import Drive, Extra, Ideal
+from linkwork.control.drives import BOUNDED, Drive, Extra, Ideal
 from linkwork.control.events import Event
 from linkwork.control.observation import OF_CHARTS, Names, Quantity
+from linkwork.control.records import ActingPart, described
 from linkwork.control.sampler import Sampler
 from linkwork.control.timely import Timely, timely
 from linkwork.control.tracing import CONTROLLER, Law, Reference, Tracer, column, shown
@@ -46,6 +48,7 @@ class Acting:
         states of drives and the controller, then those of the robot's bristles, whose rates the
         equations give
     parameters: values by name
+    bounds: kinds of the controller's numbers, by name
     followed: coordinates that have states of their own, behind the extras, which tell their turns
         (`continued`)
     """
@@ -61,6 +64,7 @@ class Acting:
     wrenches: tuple[Wrench, ...]
     events: tuple[Event, ...]
     sampler: Sampler | None
+    bounds: Mapping[str, Any] = field(default_factory=dict)
     followed: Followed = ()
 
     @property
@@ -78,15 +82,19 @@ class Acting:
         """Number of inputs that are held by a sampled controller."""
         return self.function.numel_in("held")
 
-    def require(self, name: str, values: np.ndarray) -> None:
-        """Refuse values of a parameter, one or many, that the drive which it belongs to may not
-        have."""
+    def require(self, values: Mapping[str, np.ndarray]) -> None:
+        """Refuse values of parameters by name, one or one for each member, that the controller or
+        drive which they belong to may not have together."""
+        for name, given in values.items():
+            check = BOUNDED.get(self.bounds.get(name.partition(".")[0]), checks.number)
+            for value in (given.min(), given.max()) if given.size else ():
+                check(float(value), f"the controller's {name}")
         for actuator, drive in zip(self.names.actuators, self.drives, strict=True):
-            number = name.removeprefix(f"{actuator}.")
-            if name != number and number in drive.numbers and values.size:
-                for value in (values.min(), values.max()):
-                    with checks.at(f"the drive of {actuator!r}: "):
-                        replace(drive, **{number: float(value)})
+            named = {number: f"{actuator}.{number}" for number in drive.numbers}
+            own = {number: values[name] for number, name in named.items() if name in values}
+            if own and all(given.size for given in own.values()):
+                with checks.at(f"the drive of {actuator!r}: "):
+                    require_together(drive, own)
 
     @cached_property
     def bounded(self) -> tuple[tuple[str, Drive], ...]:
@@ -256,7 +264,31 @@ def act(
         wrenches=tuple(wrenches),
         events=tuple(events),
         sampler=sampler,
+        bounds=bounds_of(law.function if isinstance(law, Sampler) else law),
     )
+
+
+def bounds_of(law: Law | None) -> dict[str, Any]:
+    """Return the kinds of a controller's described numbers by name, as `Positive`."""
+    own = isinstance(law, ActingPart) and is_dataclass(law)
+    return {name: of.kind for name, of in described(type(law)).items()} if own else {}
+
+
+def require_together(drive: Drive, numbers: Mapping[str, np.ndarray]) -> None:
+    """Refuse numbers of a drive by name, one or one for each member, that it may not have.
+
+    What it may have is convex: the corners of the box about all members stand for them.
+    """
+    ends = [sorted({float(given.min()), float(given.max())}) for given in numbers.values()]
+    try:
+        for corner in product(*ends):
+            replace(drive, **dict(zip(numbers, corner, strict=True)))
+    except LinkworkError:
+        if len(numbers) == 1:
+            raise
+        table = np.stack(np.broadcast_arrays(*map(np.atleast_1d, numbers.values())), axis=1)
+        for row in np.unique(table, axis=0).tolist():
+            replace(drive, **dict(zip(numbers, row, strict=True)))
 
 
 def bristles(names: Names) -> tuple[Extra, ...]:

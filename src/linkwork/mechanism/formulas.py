@@ -183,6 +183,14 @@ def constant(node: ast.expr) -> bool:
     return all(name in FUNCTIONS or name == "pi" for name in names)
 
 
+def is_linear(text: str) -> bool:
+    """Tell whether a formula is a sum of multiples of its names and a number."""
+    tree = parsed(text)
+    named = (node for node in ast.walk(tree) if isinstance(node, ast.Name))
+    own = [node for node in named if node.id not in (*CONSTANTS, *FUNCTIONS)]
+    return len(own) == len([*multiples(tree)])
+
+
 def multiples(node: ast.expr) -> Iterator[str]:
     """Yield the names that a formula is a sum of multiples of: they have its unit."""
     match node:

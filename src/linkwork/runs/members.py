@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from linkwork.control.events import Event
 from linkwork.errors import LinkworkError
-from linkwork.mechanism import Mechanism
-from linkwork.mechanism.numbers import edited, places_of
+from linkwork.mechanism import Mechanism, formulas
+from linkwork.mechanism.numbers import edited, located, places_of
 from linkwork.mechanism.refusal import MechanismError
 from linkwork.model import checks
 from linkwork.model.chart_transfer import reread
@@ -212,9 +212,6 @@ def members(
         name: checks.finite(values, f"parameter {name!r}") for name, values in parameters.items()
     }
     for name, values in varied.items():
-        if runs.acting:
-            runs.acting.require(name, values)
-    for name, values in varied.items():
         if values.ndim > 1:
             raise LinkworkError(
                 f"parameter {name!r} has the shape {values.shape}; give one number for each member"
@@ -229,6 +226,8 @@ def members(
             f"{', '.join(f'{count} of {what}' for what, count in lengths.items())}; give one for "
             "all, or equally many"
         )
+    if runs.acting:
+        runs.acting.require(varied)
     count = next(iter(lengths.values()), 1)
     # Parameters of each member.
     p = runs.p(robot.chart)[None, :]
@@ -286,14 +285,16 @@ def possible(mechanism: Mechanism, own: Mapping[str, np.ndarray], size: int) -> 
     """Return which members of a number (N,) have numbers (N,) by path that a description may hold.
 
     An element's numbers are possible or not whatever others have. What an element may hold is
-    convex: the corners of the box about all members stand for them, where they are fewer.
+    convex, but where formulas bend it, or zero is no number for it: the corners of the box about
+    all members, and its zeros, stand for them, where they are fewer.
     """
     able = np.ones(size, bool)
     for names in of_elements(mechanism, own) if size else ():
         table = np.stack([own[name] for name in names], axis=1)
-        ends = [sorted({min(column), max(column)}) for column in table.T.tolist()]
+        columns = table.T.tolist()
+        ends = [sorted({min(each), max(each), *({0.0} & {*each})}) for each in columns]
         corners = (dict(zip(names, corner, strict=True)) for corner in product(*ends))
-        few = prod(map(len, ends)) < size
+        few = prod(map(len, ends)) < size and straight(mechanism, names)
         if few and all(allowed(mechanism, corner) for corner in corners):
             continue
         rows, places = np.unique(table, axis=0, return_inverse=True)
@@ -312,6 +313,13 @@ def of_elements(mechanism: Mechanism, paths: Iterable[str]) -> list[tuple[str, .
             elements, names = elements | group[0], group[1] + names
         groups.append((elements, names))
     return [names for _, names in groups]
+
+
+def straight(mechanism: Mechanism, paths: Iterable[str]) -> bool:
+    """Tell whether all that follows from some numbers, by path, is a sum of multiples of them."""
+    named = any(located(mechanism, path)[0][0] == "let" for path in paths)
+    texts = mechanism.formulas.values() if named else ()
+    return all(map(formulas.is_linear, texts))
 
 
 def allowed(mechanism: Mechanism, values: Mapping[str, float]) -> bool:

@@ -278,8 +278,7 @@ def system(
     values = {**acting.parameters} | {
         name: checks.number(value, name) for name, value in parameters.items()
     }
-    for name in parameters:
-        acting.require(name, np.array(values[name]))
+    acting.require({name: np.array(values[name]) for name in parameters})
     numbers = np.array([float(value) for value in values.values()])
     if commands is None:
         return System(acting.inputs(None), acting, numbers)

@@ -8,9 +8,10 @@ angles are in radians.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
+from itertools import chain, islice, product
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -25,6 +26,7 @@ from linkwork.mechanism.files import described, text_of
 from linkwork.mechanism.numbers import edited, free_numbers
 from linkwork.mechanism.record import MechanismError, Name, PathName, Positive, Real, Record
 from linkwork.mechanism.refusal import PLAIN, shown
+from linkwork.runs.members import of_elements
 from linkwork.runs.settings import Settings
 from linkwork.simulation import METHODS, integrator
 from linkwork.sweeps.controllers import AnyController
@@ -37,6 +39,7 @@ MAX_BYTES = 1_000_000
 NUMBERS_AT_ONCE = (
     2_000_000  # of one quantity of a chunk, where the study does not say how long chunks are
 )
+CORNERS = 256  # of what varies beside a number, with which it is tried
 CHUNKS = (16, 4096)  # members of the shortest and the longest chunk then
 OWN = ("start", "forces", "controllers", "drives")
 TAKEN = (
@@ -171,44 +174,73 @@ class Study(Record):
         return self
 
     def _check_paths(self) -> None:
-        """Refuse paths that lead to no number, and values that no description may hold."""
+        """Refuse paths that lead to no number, and values that no description may hold whatever
+        varies beside them in the same body, joint or other element."""
         for name in self.paths:
             with_place(lambda path: free_numbers(self.robot, [path]), name, self.place(name))
         with_place(lambda paths: free_numbers(self.robot, paths), self.paths, ("vary",))
+        groups = of_elements(self.robot, self.paths)
         for name, variation in self.vary.items():
-            own = [path for path in (name, *variation.also) if path in self.paths]
+            own = [path for path in self._named(name) if path in self.paths]
+            beside = {self.place(path)[1] for each in groups if {*own} & {*each} for path in each}
             for value in variation.bounds:
                 reached = f"reaches {value:.6g}, which the robot may not have: "
+                values = dict.fromkeys(own, value)
                 with_place(
-                    lambda values: edited(self.robot, values),
-                    {path: value for path in own},
+                    lambda given: self._possible(*given),
+                    (values, sorted(beside - {name})),
                     ("vary", name),
                     reached,
                 )
 
-    def _check_acting(self) -> None:
-        """Refuse values that no number of a controller or a drive may have."""
-        for name, variation in self.vary.items():
-            for what, check in self._acting(name, *variation.also):
-                for value in variation.bounds:
-                    reached = f"reaches {value:.6g}, which the {what} may not have: "
-                    with_place(check, value, ("vary", name), reached)
+    def _possible(self, values: Mapping[str, float], beside: Sequence[str]) -> None:
+        """Refuse values by path that the robot may not have with its own other numbers, nor with
+        any bounds of what varies beside them."""
+        refusal, corners = None, product(*(self.vary[name].bounds for name in beside))
+        for corner in chain([()], islice(corners if beside else (), CORNERS)):
+            others = {
+                path: number
+                for name, number in zip(beside, corner, strict=False)
+                for path in self._named(name)
+                if path in self.paths
+            }
+            try:
+                edited(self.robot, {**others, **values})
+                return
+            except MechanismError as error:
+                refusal = error
+        if refusal:
+            raise refusal
 
-    def _acting(self, *names: str) -> Iterator[tuple[str, Callable[[float], Any]]]:
-        """Yield what makes a controller or a drive with another value of some numbers, and which of
-        both."""
-        for controller, given in self.controllers.items():
-            own = [each for each in given.numbers if f"controllers.{controller}.{each}" in names]
-            if own:
-                yield "controller", lambda x, make=given.but, own=own: make(dict.fromkeys(own, x))
-        for actuator, given in self.drives.items():
-            each = drive(given, ()).numbers
-            own = [number for number in each if f"drives.{actuator}.{number}" in names]
-            if own:
-                yield (
-                    "drive",
-                    lambda x, of=given, own=own: drive({**of, **dict.fromkeys(own, x)}, ()),
-                )
+    def _check_acting(self) -> None:
+        """Refuse bounds of the numbers of a controller or a drive that it may not have together."""
+        for what, section, numbers, make in self._acting():
+            own = {f"{section}.{number}": number for number in numbers}
+            varied = [name for name in self.vary if {*own} & {*self._named(name)}]
+            corners = product(*(self.vary[name].bounds for name in varied)) if varied else ()
+            for corner in islice(corners, CORNERS):
+                values = {
+                    own[each]: value
+                    for name, value in zip(varied, corner, strict=True)
+                    for each in self._named(name)
+                    if each in own
+                }
+                told = ", ".join(f"{value:.6g}" for value in corner)
+                reached = f"reaches {told}, which the {what} may not have: "
+                with_place(make, values, ("vary", varied[-1]), reached)
+
+    def _named(self, name: str) -> tuple[str, ...]:
+        """Return all names that take the values of a variation."""
+        return name, *self.vary[name].also
+
+    def _acting(self) -> Iterator[tuple[str, str, Iterable[str], Callable[..., Any]]]:
+        """Yield of each controller and drive which of both it is, its place, its numbers, and what
+        makes it with other values of some of them."""
+        for name, given in self.controllers.items():
+            yield "controller", f"controllers.{name}", given.numbers, given.but
+        for name, given in self.drives.items():
+            numbers = drive(given, ()).numbers
+            yield "drive", f"drives.{name}", numbers, lambda x, of=given: drive({**of, **x}, ())
 
     @cached_property
     def mechanism(self) -> Mechanism:
