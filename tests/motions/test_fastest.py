@@ -117,6 +117,32 @@ def test_viscous_friction_is_counted():
     assert last == pytest.approx(exact, rel=2e-4)
 
 
+@pytest.mark.parametrize(
+    ("path", "force", "static"),
+    [(paths.circle([0.15, 0.4], 0.06), 3.2, None), (paths.line([0.1, 0.4], [0.2, 0.37]), 0.3, 0.2)],
+    ids=["a circle", "a line"],
+)
+def test_sharp_friction_keeps_the_limits_between_points(path, force, static):
+    """Its sign changes within an interval of the grid, or it breaks loose at an end: forces were up
+    to 5 % beyond."""
+    described = built("five_bar").mechanism
+    friction = lw.Friction(
+        coulomb=0.15 * force, static=static and static * force, coulomb_rate=0.002
+    )
+    joints = {
+        name: joint.model_copy(update={"friction": friction})
+        if name in described.actuators
+        else joint
+        for name, joint in described.joints.items()
+    }
+    robot = lw.Robot(described.model_copy(update={"joints": joints}))
+    limits = motions.ActuatorLimits(force=force)
+    timed = motions.fastest(robot, path, limits, points=101)
+    led = motions.follow(robot, timed, samples=8001)
+    used = np.abs(robot.inverse_dynamics(led).values).max() / force
+    assert 0.999 < used <= 1 + 1e-6
+
+
 def test_a_pendulum_is_swung_up_bang_bang():
     """Energy tells the speed on both arcs: tau (q - q_0) - (V - V_0) up, tau (q_1 - q) + (V_1 - V)
     before the end; they meet where these are equal."""

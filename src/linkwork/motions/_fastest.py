@@ -30,6 +30,7 @@ from linkwork.motions.driven_way import BETWEEN, CORNER, DrivenWay, refuse_leap
 from linkwork.motions.jerk_limited import gentlest
 from linkwork.motions.laws import Limit
 from linkwork.motions.reachability import Constraints, NoLawError, fastest_squares, law_of_squares
+from linkwork.motions.reversals import reversals
 from linkwork.motions.timed_paths import TimedPath, sample_count
 from linkwork.paths import Path, uniform
 from linkwork.robot import Robot
@@ -112,10 +113,10 @@ def fastest(
     and of all other joints.
 
     Limits hold at the points of a grid along the path, on both sides of each, and are verified
-    within its intervals, in quarters of them: where one would be passed there, all are tightened
-    until none is. The duration is above the least one by a part that falls with the number of
-    points (some 0.1 % to 0.4 % of 401). With more actuators than freedoms the forces are those of
-    least norm.
+    within its intervals, in quarters of them, and closely where friction changes its sign or sets
+    in: where one would be passed there, all are tightened until none is. The duration is above the
+    least one by a part that falls with the number of points (some 0.1 % to 0.4 % of 401). With more
+    actuators than freedoms the forces are those of least norm.
 
     Under a limit of the jerk the motion begins and ends without acceleration, s(t) is cubic between
     two points of the grid (`jerk_limited`), and the law is a local optimum, which is verified at 8
@@ -179,11 +180,12 @@ def verified(
 ) -> np.ndarray:
     """Return x (samples,) of the fastest law of the grid, linear between its points, that keeps the
     limits between them, too; knots: of the path."""
-    spare, x = np.zeros(len(way.motion.time)), None
+    spare, x, near = np.zeros(len(way.motion.time)), None, reversals(way)
     for _ in range(ROUNDS):
         x = settled(way, limits, spare, x)
         rows = way.constraints(limits, x)
         beyond = np.maximum(passed(rows, x), passed_at(rows, x, knots))
+        beyond = np.maximum(beyond, passed_near(near, limits, rows.s, x)) if near else beyond
         if not (beyond > PASSED).any():
             return x
         # Both ends of an interval are tightened by what is passed within, all by a little.
@@ -232,6 +234,25 @@ def passed_at(rows: Constraints, x: np.ndarray, knots: tuple[float, ...]) -> np.
         behind = behind + (1 - part) * (over[2] - over[3])
         place = first // BETWEEN
         beyond[place] = max(beyond[place], float(np.minimum(before, behind).max()))
+    return beyond
+
+
+def passed_near(
+    near: DrivenWay, limits: Mapping[str, np.ndarray], s: np.ndarray, x: np.ndarray
+) -> np.ndarray:
+    """Return how far limits are passed near reversals in each interval of the grid (points - 1,),
+    over the limits; -inf where there is none.
+
+    near: the way there; s: of the samples
+    """
+    ends, at = s[::BETWEEN], near.motion.time
+    rows = near.constraints(limits, np.interp(at, s, x))
+    place = np.clip(np.searchsorted(ends, at, "right") - 1, 0, len(ends) - 2)
+    bend = np.diff(x[::BETWEEN]) / np.diff(ends) / 2
+    own = np.interp(at, s, x)
+    over = (rows.a * bend[place, None] + rows.b * own[:, None] - rows.c).max(axis=1)
+    beyond = np.full(len(ends) - 1, -np.inf)
+    np.maximum.at(beyond, place, over)
     return beyond
 
 
