@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,7 @@ from linkwork.errors import LinkworkError
 
 Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
 Law = Callable[[np.ndarray], Triple]
+Curve = Callable[[np.ndarray], Triple]
 FLAT = 1e-9
 """Sine of the angle between the ways from one point to two others from which on they lie in a
 line."""
@@ -44,7 +46,7 @@ class Path:
     """Hold a curve s -> (x, x', x''), each (K, d), the law by which it is run through, and the s
     inside at which its third derivative leaps."""
 
-    curve: Callable[[np.ndarray], Triple]
+    curve: Curve
     law: Law = rest_to_rest
     knots: tuple[float, ...] = ()
 
@@ -123,16 +125,25 @@ def circle(
     fixed = np.concatenate([middle[2:], fixed_orientation(orientation, middle.size)])
     sweep = turning(turns, "the number of turns")
 
-    def curve(s: np.ndarray) -> Triple:
-        phase = start + sweep * s
-        c, n, rest = radius * np.cos(phase), radius * np.sin(phase), np.ones((s.size, 1)) * fixed
-        return (
-            np.column_stack([middle[0] + c, middle[1] + n, rest]),
-            np.column_stack([-sweep * n, sweep * c, 0 * rest]),
-            np.column_stack([-(sweep**2) * c, -(sweep**2) * n, 0 * rest]),
-        )
+    return Path(partial(around, middle[:2], radius, fixed, start, sweep), law)
 
-    return Path(curve, law)
+
+def around(
+    middle: np.ndarray,
+    radius: float,
+    fixed: np.ndarray,
+    start: float,
+    sweep: float,
+    s: np.ndarray,
+) -> Triple:
+    """Return the curve of `circle`; fixed: what follows x and y."""
+    phase = start + sweep * s
+    c, n, rest = radius * np.cos(phase), radius * np.sin(phase), np.ones((s.size, 1)) * fixed
+    return (
+        np.column_stack([middle[0] + c, middle[1] + n, rest]),
+        np.column_stack([-sweep * n, sweep * c, 0 * rest]),
+        np.column_stack([-(sweep**2) * c, -(sweep**2) * n, 0 * rest]),
+    )
 
 
 def helix(
@@ -157,15 +168,15 @@ def helix(
     """
     middle = finite("the centre", centre, (3,)).tolist()
     flat = circle(middle, radius, orientation, start=start, turns=turns)
-    climb = checks.number(rise, "the rise")
+    return Path(partial(risen, flat.curve, checks.number(rise, "the rise")), law)
 
-    def curve(s: np.ndarray) -> Triple:
-        x, x_s, x_ss = flat.curve(s)
-        x[:, 2] += climb * s
-        x_s[:, 2] += climb
-        return x, x_s, x_ss
 
-    return Path(curve, law)
+def risen(flat: Curve, climb: float, s: np.ndarray) -> Triple:
+    """Return a curve that climbs along z by so much besides."""
+    x, x_s, x_ss = flat(s)
+    x[:, 2] += climb * s
+    x_s[:, 2] += climb
+    return x, x_s, x_ss
 
 
 def arc(
@@ -206,29 +217,37 @@ def arc(
     reach = points[2] - centre
     sweep = np.arctan2(reach @ b, reach @ a) % (2 * np.pi)
 
-    def curve(s: np.ndarray) -> Triple:
-        phase, rest = (sweep * s)[:, None], np.ones((s.size, 1)) * fixed
-        c, n, middle = np.cos(phase), np.sin(phase), centre[:size]
-        A, B = a[:size], b[:size]
-        return (
-            np.hstack([middle + c * A + n * B, rest]),
-            np.hstack([sweep * (c * B - n * A), 0 * rest]),
-            np.hstack([-(sweep**2) * (c * A + n * B), 0 * rest]),
-        )
+    return Path(partial(bent, centre[:size], (a[:size], b[:size]), fixed, float(sweep)), law)
 
-    return Path(curve, law)
+
+def bent(
+    centre: np.ndarray,
+    arms: tuple[np.ndarray, np.ndarray],
+    fixed: np.ndarray,
+    sweep: float,
+    s: np.ndarray,
+) -> Triple:
+    """Return the curve of `arc`; arms: a and b; fixed: what follows the place."""
+    phase, rest = (sweep * s)[:, None], np.ones((s.size, 1)) * fixed
+    c, n, (a, b) = np.cos(phase), np.sin(phase), arms
+    return (
+        np.hstack([centre + c * a + n * b, rest]),
+        np.hstack([sweep * (c * b - n * a), 0 * rest]),
+        np.hstack([-(sweep**2) * (c * a + n * b), 0 * rest]),
+    )
 
 
 def line(start: Sequence[float], end: Sequence[float], *, law: Law = rest_to_rest) -> Path:
     """Lead the tool straight from one pose to another; all coordinates change in proportion."""
     first = finite("the start", start)
     last = finite("the end", end, (first.size,))
+    return Path(partial(straight, first, last - first), law)
 
-    def curve(s: np.ndarray) -> Triple:
-        along = np.ones((s.size, 1)) * (last - first)
-        return first + s[:, None] * along, along, 0 * along
 
-    return Path(curve, law)
+def straight(start: np.ndarray, change: np.ndarray, s: np.ndarray) -> Triple:
+    """Return the straight way start + s change."""
+    along = np.ones((s.size, 1)) * change
+    return start + s[:, None] * along, along, 0 * along
 
 
 def through(poses: Sequence[Sequence[float]], *, law: Law = rest_to_rest) -> Path:
@@ -243,8 +262,12 @@ def through(poses: Sequence[Sequence[float]], *, law: Law = rest_to_rest) -> Pat
     first = finite("pose 0", poses[0])
     points = np.array([finite(f"pose {k}", pose, (first.size,)) for k, pose in enumerate(poses)])
     knots = np.linspace(0, 1, len(points))
-    spline = CubicSpline(knots, points)
-    return Path(lambda s: (spline(s), spline(s, 1), spline(s, 2)), law, tuple(knots[2:-2]))
+    return Path(partial(derived, CubicSpline(knots, points)), law, tuple(knots[2:-2].tolist()))
+
+
+def derived(of: Callable[..., np.ndarray], s: np.ndarray) -> Triple:
+    """Return a function of (s, order) and its first two derivatives."""
+    return of(s), of(s, 1), of(s, 2)
 
 
 def together(*paths: Path) -> Path:
@@ -257,25 +280,27 @@ def together(*paths: Path) -> Path:
             )
     if not paths:
         raise LinkworkError("there is no path to prescribe; give one or more")
-
-    def curve(s: np.ndarray) -> Triple:
-        parts = [path.curve(s) for path in paths]
-        return tuple(np.hstack([part[k] for part in parts]) for k in range(3))  # pyright: ignore
-
     knots = {knot for path in paths for knot in path.knots}
-    return Path(curve, paths[0].law, tuple(sorted(knots)))
+    curves = [path.curve for path in paths]
+    return Path(partial(beside, curves), paths[0].law, tuple(sorted(knots)))
+
+
+def beside(curves: Sequence[Curve], s: np.ndarray) -> Triple:
+    """Return curves side by side."""
+    x, x_s, x_ss = (np.hstack(parts) for parts in zip(*(each(s) for each in curves), strict=True))
+    return x, x_s, x_ss
 
 
 def swing(start: float, amplitude: float, *, swings: float = 1.0, law: Law = rest_to_rest) -> Path:
     """Vary one coordinate as start + amplitude sin(2 pi swings s)."""
     start, amplitude = checks.number(start, "the start"), checks.number(amplitude, "the amplitude")
-    rate = turning(swings, "the number of swings")
+    return Path(partial(swung, start, amplitude, turning(swings, "the number of swings")), law)
 
-    def curve(s: np.ndarray) -> Triple:
-        sine, cosine = np.sin(rate * s)[:, None], np.cos(rate * s)[:, None]
-        return start + amplitude * sine, amplitude * rate * cosine, -amplitude * rate**2 * sine
 
-    return Path(curve, law)
+def swung(start: float, amplitude: float, rate: float, s: np.ndarray) -> Triple:
+    """Return the curve of `swing`."""
+    sine, cosine = np.sin(rate * s)[:, None], np.cos(rate * s)[:, None]
+    return start + amplitude * sine, amplitude * rate * cosine, -amplitude * rate**2 * sine
 
 
 def fixed_orientation(orientation: float | Sequence[float] | None, size: int) -> np.ndarray:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from math import inf, isfinite, sqrt
 
@@ -142,22 +143,27 @@ def gcode(
         raise LinkworkError("the list has no move; give two points at least")
     profile, corners = run_through(moves, bounds, law_of(law))
     edges = np.cumsum([0.0, *(one.length for one in moves)])
-    total = edges[-1]
-
-    def curve(s: np.ndarray) -> Triple:
-        way = np.asarray(s, float) * total
-        place = np.clip(np.searchsorted(edges, way, side="right") - 1, 0, len(moves) - 1)
-        parts = np.zeros((3, way.size, size + turn.size))
-        parts[0, :, size:] = turn
-        for k in np.unique(place):
-            mine = place == k
-            for order, value in enumerate(moves[k].at(way[mine] - edges[k])):
-                parts[order, mine, :size] = value[:, :size] * total**order
-        return parts[0], parts[1], parts[2]
-
+    total, curve = edges[-1], partial(joined, moves, edges, size, turn)
     passed = np.interp(edges, profile(profile.knots)[:, 0], profile.knots).tolist()
     path = Path(curve, profile.law, tuple((edges[1:-1] / total).tolist()))
     return TimedPath(path, profile.duration, (), tuple(passed), corners=tuple(corners / total))
+
+
+def joined(
+    moves: Sequence[FedMove], edges: np.ndarray, size: int, turn: np.ndarray, s: np.ndarray
+) -> Triple:
+    """Return the curve of moves one after the other; edges: ways at their ends [m]; size: of the
+    place, which the fixed turn follows."""
+    total = edges[-1]
+    way = np.asarray(s, float) * total
+    place = np.clip(np.searchsorted(edges, way, side="right") - 1, 0, len(moves) - 1)
+    parts = np.zeros((3, way.size, size + turn.size))
+    parts[0, :, size:] = turn
+    for k in np.unique(place):
+        mine = place == k
+        for order, value in enumerate(moves[k].at(way[mine] - edges[k])):
+            parts[order, mine, :size] = value[:, :size] * total**order
+    return parts[0], parts[1], parts[2]
 
 
 def run_through(

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 from typing import Any
 
@@ -97,17 +98,18 @@ def order_of_rest(path: Path, end: float) -> int:
 def powers(first: float, last: float, even: float = 0.0) -> Law:
     """Return a law that begins as tau^first and ends as (1 - tau)^last, but for an even part: the
     incomplete beta function."""
+    return partial(eased, first, last, even)
 
-    def law(tau: np.ndarray) -> Triple:
-        tau = np.asarray(tau, float)
-        ds = tau ** (first - 1) * (1 - tau) ** (last - 1) / beta(first, last)
-        inside = (tau > 0) & (tau < 1)
-        t = np.where(inside, tau, 0.5)
-        dds = np.where(inside, ds * ((first - 1) / t - (last - 1) / (1 - t)), 0.0)
-        s = np.where(tau < 1, betainc(first, last, np.clip(tau, 0, 1)), 1.0)
-        return (1 - even) * s + even * tau, (1 - even) * ds + even, (1 - even) * dds
 
-    return law
+def eased(first: float, last: float, even: float, tau: np.ndarray) -> Triple:
+    """Return the law of `powers`."""
+    tau = np.asarray(tau, float)
+    ds = tau ** (first - 1) * (1 - tau) ** (last - 1) / beta(first, last)
+    inside = (tau > 0) & (tau < 1)
+    t = np.where(inside, tau, 0.5)
+    dds = np.where(inside, ds * ((first - 1) / t - (last - 1) / (1 - t)), 0.0)
+    s = np.where(tau < 1, betainc(first, last, np.clip(tau, 0, 1)), 1.0)
+    return (1 - even) * s + even * tau, (1 - even) * ds + even, (1 - even) * dds
 
 
 def through(values: np.ndarray, law: Law, count: int) -> Law:
@@ -128,13 +130,14 @@ def through(values: np.ndarray, law: Law, count: int) -> Law:
 
 def composed(outer: Law, inner: Law) -> Law:
     """Return the law outer(inner(tau))."""
+    return partial(chained, outer, inner)
 
-    def law(tau: np.ndarray) -> Triple:
-        w, dw, ddw = inner(tau)
-        s, ds, dds = outer(np.clip(w, 0.0, 1.0))
-        return s, ds * dw, dds * dw**2 + ds * ddw
 
-    return law
+def chained(outer: Law, inner: Law, tau: np.ndarray) -> Triple:
+    """Return outer(inner(tau)) and its first two derivatives."""
+    w, dw, ddw = inner(tau)
+    s, ds, dds = outer(np.clip(w, 0.0, 1.0))
+    return s, ds * dw, dds * dw**2 + ds * ddw
 
 
 def told_by(motion: Motion, grid: Triple) -> Motion:

@@ -130,17 +130,17 @@ class Profile:
     def law(self) -> Law:
         """The motion law of the first coordinate, to give to a path: tau = t / T -> s, s', s'' with
         s from 0 to 1."""
+        return self._law
+
+    def _law(self, tau: np.ndarray) -> Triple:
         first, last = self(np.array([0.0, self.duration]))[:, 0]
+        s, ds, dds = (value[..., 0] / (last - first) for value in self.curve(tau))
+        return s - first / (last - first), ds, dds
 
-        def law(tau: np.ndarray) -> Triple:
-            time = np.asarray(tau, float) * self.duration
-            values = [self(time, order)[..., 0] for order in range(3)]
-            s, ds, dds = (
-                value * self.duration**k / (last - first) for k, value in enumerate(values)
-            )
-            return s - first / (last - first), ds, dds
-
-        return law
+    def curve(self, s: np.ndarray) -> Triple:
+        """Return the coordinates and their first two derivatives by s = t / T."""
+        t, T = np.asarray(s, float) * self.duration, self.duration
+        return self(t), T * self(t, 1), T**2 * self(t, 2)
 
 
 def turning(polynomial: np.ndarray) -> np.ndarray:

@@ -7,8 +7,9 @@ them follows by `linkwork.motions.follow`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from inspect import signature
 from itertools import pairwise
 from math import inf
@@ -23,7 +24,7 @@ from linkwork.model.state import State
 from linkwork.motions.laws import KINDS, AxisLimits, MotionLaw, law_of
 from linkwork.motions.profiles import Profile, side_by_side, superposed
 from linkwork.motions.spline_times import least_times, slowing, spline_through
-from linkwork.paths import Path, Triple, times_of, uniform
+from linkwork.paths import Path, Triple, straight, times_of, uniform
 from linkwork.simulation import Sampled, Signal, as_signal
 
 Point = State | Mapping[str, float] | Sequence[float] | np.ndarray
@@ -68,13 +69,8 @@ class TimedPath:
     ) -> Self:
         """Return the timed path that polynomials of time are; path: the same as a curve with its
         law, which is the time itself if left out."""
-
-        def curve(s: np.ndarray) -> Triple:
-            t, T = np.asarray(s, float) * profile.duration, profile.duration
-            return profile(t), T * profile(t, 1), T**2 * profile(t, 2)
-
         inner = profile.knots[1:-1] / profile.duration
-        way = path or Path(curve, uniform, tuple(inner.tolist()))
+        way = path or Path(profile.curve, uniform, tuple(inner.tolist()))
         return cls(way, profile.duration, names, tuple(passed), profile, turned=turned)
 
     def sample(self, time: ArrayLike) -> Triple:
@@ -160,10 +156,10 @@ def point_to_point(
     checks.switch(synchronised, "synchronised")
     if synchronised:
         profile = leg(change, allowed, made)
-        straight = Path(segment(points[0], change), profile.law)
+        way = Path(partial(straight, points[0], change), profile.law)
         passed = (0.0, profile.duration)
         led = profile.along(points[0], change)
-        return TimedPath.of(led, names, passed, straight, turned)
+        return TimedPath.of(led, names, passed, way, turned)
     moved = np.flatnonzero(change)
     each = [leg(change[[axis]], allowed[:, [axis]], made) for axis in moved]
     apart = side_by_side(each)
@@ -425,16 +421,6 @@ def continued(points: np.ndarray) -> np.ndarray:
             whole = 2 * np.pi * np.round((axis @ before - angle) / (2 * np.pi))
             led[k, 3:] = r * (1 + whole / angle) if angle else whole * axis
     return led
-
-
-def segment(start: np.ndarray, change: np.ndarray) -> Callable[[np.ndarray], Triple]:
-    """Return the straight way start + s change."""
-
-    def curve(s: np.ndarray) -> Triple:
-        along = np.ones((s.size, 1)) * change
-        return start + s[:, None] * change, along, 0 * along
-
-    return curve
 
 
 def leg(change: np.ndarray, allowed: np.ndarray, law: MotionLaw) -> Profile:
