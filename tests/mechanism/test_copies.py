@@ -44,8 +44,9 @@ def test_a_mechanism_that_is_none_is_refused(update, words, prr3):
     ],
 )
 def test_so_are_its_parts(part, update, words):
-    with pytest.raises(MechanismError, match=words):
-        part.model_copy(update=update)
+    for copied in (part.model_copy, part.copy):  # pydantic's former name checked nothing
+        with pytest.raises(MechanismError, match=words):
+            copied(update=update)
 
 
 def test_a_motor_behind_a_spring_is_made_in_a_copy_too(prr3):

@@ -166,6 +166,8 @@ class Record(BaseModel):
         """
         return type(self)(**{**vars(self), **update}) if update else super().model_copy(deep=deep)
 
+    copy = model_copy  # pyright: ignore[reportAssignmentType]
+
     def __setattr__(self, name: str, value: Any) -> None:
         raise MechanismError(f"{name} of a frozen {type(self).__name__} is not set; make another")
 
