@@ -11,6 +11,7 @@ import pytest
 import linkwork as lw
 from linkwork.analysis import (
     along,
+    assembly_modes,
     dexterity,
     equilibrium,
     input_output,
@@ -22,6 +23,7 @@ from linkwork.analysis import (
 from linkwork.analysis.actuated_coordinates import with_coordinate
 from linkwork.mechanism import Cable, Combination, Displacement, Thrust, ViaPoint
 
+from tests.analysis.mechanisms import postures, turned
 from tests.catalogue import built
 
 RATIOS = {
@@ -123,6 +125,16 @@ def test_cables_pull_along_their_directions():
     lengths = np.linalg.norm(ways, axis=1)
     np.testing.assert_allclose(mapped.actuator_position.values[0], lengths, atol=1e-12)
     assert mapped.actuator_position.attrs["units"] == "m, m, m"
+
+
+def test_assembly_modes_of_cables_are_where_three_circles_meet():
+    pose = {"plane.x": 1.3, "plane.y": 0.5, "plane.angle": 0.9}
+    described = plate("cables").mechanism.model_copy(update={"reference": pose})
+    modes = assembly_modes(lw.Robot(described))
+    lengths = np.linalg.norm(ENDS @ turned(np.eye(2), 0.9).T + [1.3, 0.5] - ANCHORS, axis=1)
+    angles = postures(ANCHORS, ENDS, lengths)
+    np.testing.assert_allclose(np.sort(modes.states["plane.angle"]), angles, atol=1e-3)
+    assert len(assembly_modes(belted("five_bar"))) == 2
 
 
 def test_displacements_push_as_they_are_described():

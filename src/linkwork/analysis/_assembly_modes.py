@@ -22,6 +22,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.analysis._jacobians import of_actuators
+from linkwork.analysis.actuated_coordinates import actuated_coordinates
 from linkwork.analysis.all_rows import all_rows
 from linkwork.analysis.newton import Solver, random_configurations, solver
 from linkwork.analysis.square import Square, of_joints, of_tool
@@ -125,7 +127,7 @@ def assembly_modes(
     Args:
         robot: its closed loops are solved.
         joints: as many joint coordinates as the mobility, by name [m, rad]; the actuated ones at
-            home if left out.
+            home if left out, lengths of belts and cables among them.
         starts: most random starts to try; the search ends earlier once the count is sure.
         seed: of the random starts.
 
@@ -137,8 +139,13 @@ def assembly_modes(
             continuum of solutions.
     """
     needed(robot, Robot)
+    by = by_tool if robot.mechanism.tools else by_bodies
+    if joints is None and not {*actuated(robot)} <= {*robot.coordinates}:
+        return search(
+            of_actuators(robot), actuated_coordinates(robot, robot.home.q), by, starts, seed
+        )
     if joints is None:
-        joints = {name: float(robot.home[name]) for name in actuated(robot)}
+        joints = {name: float(robot.home[name]) for name in robot.actuators}
     if not isinstance(joints, Mapping):
         raise LinkworkError(
             f"the joints are {joints!r}; give coordinates by name, such as "
@@ -146,7 +153,7 @@ def assembly_modes(
         )
     square = of_joints(robot, tuple(joints))
     asked = np.array([checks.number(value, f"joint {name!r}") for name, value in joints.items()])
-    return search(square, asked, by_tool if robot.mechanism.tools else by_bodies, starts, seed)
+    return search(square, asked, by, starts, seed)
 
 
 @announced("searching for working modes")
