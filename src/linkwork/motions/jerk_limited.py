@@ -36,6 +36,7 @@ from linkwork.model.state import Motion, State
 from linkwork.motions._follow import follow
 from linkwork.motions.driven_way import BETWEEN, CORNER, DrivenWay, refuse_leap
 from linkwork.motions.profiles import Profile
+from linkwork.motions.reversals import reversals
 from linkwork.motions.timed_paths import TimedPath
 from linkwork.paths import Law, Path, Triple
 from linkwork.robot import Robot
@@ -350,12 +351,13 @@ def linear(
 def verified(
     robot: Robot, found: TimedPath, limits: Limits, samples: int, guess: State | None
 ) -> TimedPath:
-    """Return a timed path slowed until all limits hold at equally spaced times, by the inverse
-    dynamics."""
+    """Return a timed path slowed until all limits hold at equally spaced times, those of forces
+    near reversals, too, by the inverse dynamics."""
     motion = follow(robot, found, samples=FINER * samples, guess=guess, keep_limits=False)
     way, factor = DrivenWay(robot, motion), 1.0
+    near = reversals(way) or way
     for _ in range(SLOWINGS):
-        beyond = used(way, limits, factor) - 1
+        beyond = max(used(way, limits, factor), *loads(near, limits, factor)) - 1
         if beyond <= PASSED:
             return replace(found, duration=factor * found.duration)
         factor *= 1 + max(beyond, PASSED)
@@ -367,7 +369,6 @@ def verified(
 
 def used(way: DrivenWay, limits: Limits, factor: float) -> float:
     """Return the largest part of a limit that a motion takes when it is slowed by a factor."""
-    still = 1 + 0 * way.motion.time
     rates = way.rates / factor
     bends = way.bends / factor**2
     jerks = np.diff(bends, axis=0) / (np.diff(way.motion.time)[:, None] * factor)
@@ -377,7 +378,14 @@ def used(way: DrivenWay, limits: Limits, factor: float) -> float:
         np.abs(bends) / limits["acceleration"],
         np.abs(jerks) / limits["jerk"],
     ]
-    if way.forced(limits):
-        u = way.forces(still / factor, 0 * still)
-        shares += [np.abs(u) / limits["force"], np.abs(u * rates) / limits["power"]]
-    return max(float(share.max(initial=0.0)) for share in shares)
+    return max(*(float(each.max(initial=0.0)) for each in shares), *loads(way, limits, factor))
+
+
+def loads(way: DrivenWay, limits: Limits, factor: float) -> tuple[float, float]:
+    """Return the largest parts of the limits of forces and powers."""
+    if not way.forced(limits):
+        return 0.0, 0.0
+    still = 0 * way.motion.time
+    u = way.forces(1 / factor + still, still)
+    power = np.abs(u * way.rates / factor) / limits["power"]
+    return float((np.abs(u) / limits["force"]).max()), float(power.max())
