@@ -77,3 +77,19 @@ def test_attributes_that_urdf_has_not_are_warned_of(tmp_path):
     (tmp_path / "m.urdf").write_text(arm("<dynamics dampin='1'/>"))
     (caveat,) = load(tmp_path / "m.urdf").mechanism.caveats
     assert caveat.endswith("<dynamics> says dampin, which is left out: URDF has none")
+
+
+@pytest.mark.parametrize(
+    ("said", "warned"),
+    [
+        ("<dynamics D='1' K='7000' mu_coulomb='0' mu_viscous='16' damping='0.1'/>", False),
+        ("<origin xyz='0.1 0.2 0.3' euler='0 0 1'/>", True),
+    ],
+)
+def test_the_words_of_other_programs_are_noted_where_they_place_nothing(said, warned, tmp_path):
+    (tmp_path / "m.urdf").write_text(arm(said).replace("izz=", "iyx='0' izz="))
+    imported = load(tmp_path / "m.urdf")
+    assert bool(imported.mechanism.caveats) == warned
+    told = " ".join(imported.notes)
+    words = ("iyx", *(("euler",) if warned else ("D", "K", "mu_coulomb", "mu_viscous")))
+    assert all(f"says {word}, which is left out" in told for word in words)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from linkwork.checks import suggestion
 from linkwork.formats import drake
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
@@ -32,7 +33,8 @@ ATTRIBUTES = {
     "mass": ("value",),
     "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
 }
-"""What these elements may say; others bear on no motion."""
+"""What these elements may say; most others are the words of some program, and move nothing."""
+PLACING = ("origin", "axis")
 
 
 def tell_unread(root: Element, notes: Notes) -> None:
@@ -43,8 +45,12 @@ def tell_unread(root: Element, notes: Notes) -> None:
             for other in list(element.each(tag))[1:]:
                 notes.on(other, f"in a <{element.tag}> is left out: the first counts")
         for part in element.children:
-            for name in part.attributes.keys() - {*ATTRIBUTES.get(part.tag, part.attributes)}:
-                notes.on(part, f"says {name}, which is left out: URDF has none", alters=True)
+            known = ATTRIBUTES.get(part.tag, tuple(part.attributes))
+            missing = [name for name in known if name not in part.attributes]
+            for name in part.attributes.keys() - {*known}:
+                # It may be what it is nearly called, and is not said; or place something.
+                alters = part.tag in PLACING or bool(suggestion(name, missing))
+                notes.on(part, f"says {name}, which is left out: URDF has none", alters=alters)
 
 
 def _telling(root: Element) -> Iterator[Element]:
