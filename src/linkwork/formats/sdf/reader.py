@@ -24,8 +24,8 @@ from linkwork.formats.reading import Reading
 from linkwork.formats.sdf.includes import ScopeReader
 from linkwork.formats.sdf.joints import JointReader
 from linkwork.formats.sdf.links import shapes_of_link, solid_of_link, survey_link
-from linkwork.formats.sdf.repeats import tell_repeats
 from linkwork.formats.sdf.scopes import Scope
+from linkwork.formats.sdf.unread import tell_unread
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     GROUND,
@@ -117,7 +117,7 @@ def _survey(scopes: Iterable[Scope], notes: Notes) -> None:
     """Note the parts of worlds and models that are not read."""
     for scope in scopes:
         for part in scope.element.each("link", "joint"):
-            tell_repeats(part, notes)
+            tell_unread(part, notes)
         for child in scope.element.children:
             if child.tag == "plugin":
                 note_program(child, notes)

@@ -17,6 +17,7 @@ from math import pi
 import numpy as np
 
 from linkwork.formats import poses
+from linkwork.formats.versions import numbered
 from linkwork.formats.xml import Element, shortened
 from linkwork.mechanism import GROUND
 
@@ -195,11 +196,10 @@ class Scope:
 
 
 def version_of(root: Element) -> tuple[int, int]:
-    """Return the version of the format, of which 1.11 is later than 1.5."""
+    """Return the version of the format that a document, or a name in a model.config, says."""
     root = root.with_attributes({"version": LATEST, **root.attributes})
     root.number("version")  # which refuses what is none
-    major, _, minor = root.text("version").strip().partition(".")
-    return (int(major), int(minor or 0)) if f"{major}{minor or 0}".isdecimal() else (1, 0)
+    return numbered(root.text("version")) or (1, 0)
 
 
 def read_pose(pose: Element) -> np.ndarray:

@@ -13,10 +13,11 @@ from dataclasses import replace
 from linkwork.checks import suggestion
 from linkwork.formats import drake
 from linkwork.formats.notes import Notes
+from linkwork.formats.versions import numbered, tell_repeats
 from linkwork.formats.xml import Element
 
 QUATERNION = "quat_xyzw"
-QUATERNIONS = (1, 1)  # the version from which on an <origin> may say one
+OLDEST, QUATERNIONS = (1, 0), (1, 1)  # versions; from which on an <origin> may say one
 ONCE = {
     "link": ("inertial",),
     "joint": ("origin", "parent", "child", "axis", "dynamics", "limit", "mimic"),
@@ -41,9 +42,7 @@ def tell_unread(root: Element, notes: Notes) -> None:
     """Note what the links and joints of a document say that is not read."""
     for element in _telling(root):
         kind = "joint" if element.tag == drake.JOINT else element.tag
-        for tag in ONCE[kind]:
-            for other in list(element.each(tag))[1:]:
-                notes.on(other, f"in a <{element.tag}> is left out: the first counts")
+        tell_repeats(element, ONCE[kind], notes)
         for part in element.children:
             known = ATTRIBUTES.get(part.tag, tuple(part.attributes))
             missing = [name for name in known if name not in part.attributes]
@@ -64,9 +63,7 @@ def _telling(root: Element) -> Iterator[Element]:
 def of_its_version(root: Element, notes: Notes) -> Element:
     """Return a document without the quaternions that its version does not have, as urdfdom takes
     it; they are noted."""
-    major, _, minor = root.attributes.get("version", "1.0").partition(".")
-    known = major.isdecimal() and (minor or "0").isdecimal()
-    if known and (int(major), int(minor or 0)) >= QUATERNIONS:
+    if (numbered(root.attributes.get("version", "")) or OLDEST) >= QUATERNIONS:
         return root
 
     def without(element: Element) -> Element:

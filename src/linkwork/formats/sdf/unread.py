@@ -4,6 +4,7 @@ axes say that SDF does not have."""
 from __future__ import annotations
 
 from linkwork.formats.notes import Notes
+from linkwork.formats.versions import tell_repeats
 from linkwork.formats.xml import Element
 
 AXIS = ("xyz", "dynamics", "limit", "mimic", "use_parent_model_frame")
@@ -30,11 +31,9 @@ KNOWN = {
 SEEN = "says relative_to, which is left out: an inertial is placed in its link"
 
 
-def tell_repeats(element: Element, notes: Notes) -> None:
+def tell_unread(element: Element, notes: Notes) -> None:
     """Note what an element and those in it say again, and what is left out of them."""
-    for tag in ONCE.get(element.tag, ()):
-        for other in list(element.each(tag))[1:]:
-            notes.on(other, f"in a <{element.tag}> is left out: the first counts", alters=True)
+    tell_repeats(element, ONCE.get(element.tag, ()), notes, alters=True)
     for child in element.children:
         known = KNOWN.get(element.tag, (child.tag,))
         if child.tag not in known and ":" not in child.tag:
@@ -42,4 +41,4 @@ def tell_repeats(element: Element, notes: Notes) -> None:
         if (element.tag, child.tag) == ("inertial", "pose") and child.attributes.get("relative_to"):
             notes.on(child, SEEN, alters=True)
         if child.tag in (*ONCE, *KNOWN):
-            tell_repeats(child, notes)
+            tell_unread(child, notes)
