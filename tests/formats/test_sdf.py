@@ -546,3 +546,14 @@ def test_a_limit_of_speed_that_is_no_number_bounds_nothing(tmp_path):
     limits = imported.mechanism.joints["j"].limits
     assert limits.lower == -1 and limits.speed is None and not imported.mechanism.caveats
     assert any("bounds no speed" in note and "not a number" in note for note in imported.notes)
+
+
+@pytest.mark.parametrize("kind", ["fixed", "revolute"])
+def test_a_link_called_ground_moves_unless_a_joint_holds_it(kind, tmp_path):
+    tie = joint("tie", kind, "world", "ground", "<axis><xyz>0 1 0</xyz></axis>")
+    hinge = joint("j", "revolute", "ground", "a")
+    links = LINK.format("ground", "0 0 1 0 0 0", 1) + LINK.format("a", "0 1 1 0 0 0", 1)
+    imported = read(model(links, tie, hinge), tmp_path)
+    assert set(imported.mechanism.bodies) == {"ground_2", "a"}
+    assert imported.mechanism.joints["tie"].connects == ("ground", "ground_2")
+    assert set(imported.mechanism.joints) == {"tie", "j"}

@@ -19,7 +19,7 @@ import numpy as np
 from linkwork.formats import drake, poses
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
-from linkwork.formats.sdf.scopes import MODEL, Scope, thread_pitch
+from linkwork.formats.sdf.scopes import MODEL, STILL, Scope, thread_pitch
 from linkwork.formats.xml import Element, shortened
 from linkwork.mechanism import (
     GROUND,
@@ -112,12 +112,12 @@ class JointReader:
         # What it connects, and where it stands on both.
         ends = [scope.mount(self._end(element, end), element) for end in ("parent", "child")]
         if ends[0][0] == ends[1][0]:
-            if ends[0][0] == GROUND:
+            if ends[0][0] == STILL:
                 self.notes.on(element, "is left out: it connects what stands still anyway")
                 return
             raise element.refusal(f"connects {shortened(ends[0][0])} to itself")
         X = scope.in_world(element.text("name"), element)
-        connects = [GROUND if body == GROUND else self.bodies[body] for body, _ in ends]
+        connects = [self.bodies.get(body, GROUND) for body, _ in ends]
         frames = [poses.frame_of(poses.inverse(B) @ X) for _, B in ends]
         fields = {"connects": tuple(connects), "frames": tuple(frames)}
         # Those without axes, with one, with two.
@@ -142,7 +142,7 @@ class JointReader:
         given = damping.vector(damping.tag) if damping else (0.0, 0.0, 0.0)
         self.joints[self.names.give(scope.path + element.text("name"), element)] = element.make(
             PlanarJoint,
-            connects=tuple(GROUND if body == GROUND else self.bodies[body] for body, _ in mounts),
+            connects=tuple(self.bodies.get(body, GROUND) for body, _ in mounts),
             frames=tuple(
                 poses.frame_of(poses.inverse(B) @ scope.in_world(end.content, end))
                 for end, (_, B) in zip(ends, mounts, strict=True)

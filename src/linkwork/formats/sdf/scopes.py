@@ -19,11 +19,11 @@ import numpy as np
 from linkwork.formats import poses
 from linkwork.formats.versions import numbered
 from linkwork.formats.xml import Element, shortened
-from linkwork.mechanism import GROUND
 
 MODEL = "__model__"
 WORLD = "world"
 BETWEEN = "::"
+STILL = BETWEEN  # the body that stands still, which no link is called
 PARTS = ("link", "frame", "joint")
 LATEST = "1.12"
 RELATIVE = (1, 7)  # the version from which on poses say `relative_to` and not `frame`
@@ -144,13 +144,13 @@ class Scope:
     # -------------------------------------------------------------------------------------- bodies
 
     def mount(self, name: str, asking: Element) -> tuple[str, np.ndarray]:
-        """Return the body that a part of this scope moves with, and X_W_body; ground for what
+        """Return the body that a part of this scope moves with, and X_W_body; STILL for what
         stands still."""
         if name == WORLD and WORLD not in self.named:
-            return GROUND, np.eye(4)
+            return STILL, np.eye(4)
         if name in ("", MODEL):
             stands = self.world or self.static or not self.moves()
-            return (GROUND, np.eye(4)) if stands else self.mount(self.canonical(), asking)
+            return (STILL, np.eye(4)) if stands else self.mount(self.canonical(), asking)
         scope, rest = self._inside(name, asking)
         if scope is not self:
             return scope.mount(rest, asking)
@@ -159,7 +159,7 @@ class Scope:
         part = self.named[name]
         if part.tag == "link":
             return (
-                (GROUND, np.eye(4))
+                (STILL, np.eye(4))
                 if self.static
                 else (self.path + name, self.in_world(name, asking))
             )
