@@ -539,6 +539,15 @@ def test_joints_with_names_of_links_and_links_called_world_as_in_old_files(tmp_p
         read(twice, tmp_path)
 
 
+def test_a_joint_called_world_is_not_the_world(tmp_path):
+    imported = read(
+        model(LINK.format("a", "0 0 1 0 0 0", 1), joint("world", "revolute", "world", "a")),
+        tmp_path,
+    )
+    assert imported.mechanism.joints["world_joint"].connects == (GROUND, "a")
+    assert any("or of the world, and _joint behind it here" in note for note in imported.notes)
+
+
 def test_a_limit_of_speed_that_is_no_number_bounds_nothing(tmp_path):
     axis = "<axis><xyz>0 0 1</xyz><limit><lower>-1</lower><velocity>2.5'</velocity></limit></axis>"
     link = LINK.format("a", "0 0 0 0 0 0", 2.0)

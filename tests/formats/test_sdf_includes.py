@@ -79,6 +79,8 @@ def test_a_second_model_of_an_included_file_is_warned_of(tmp_path):
         ((ARM.replace("arm", "palm"), HAND.format(" merge='1'", "")), "brings 'palm', and its"),
         ((ARM, *2 * [HAND.format(" merge='1'", "")]), "brings 'palm', and its model has a part of"),
         ((ARM, "<include><uri>a.urdf</uri></include>"), "linkwork convert a.urdf a.sdf"),
+        ((LINK.format("", "0 0 0 0 0 0", 1),), "is called '', which is no name; give it one"),
+        ((ARM, "<model name='::'/>"), "<model '::'>: is called '::', which is no name"),
     ],
 )
 def test_refusals(parts, words, tmp_path):

@@ -17,6 +17,7 @@ DEEPEST = 50  # models inside one another
 USUAL = "model.sdf"  # file of a model's folder
 MOST = 500  # models that are included
 OF_INCLUDES = ("uri", "name", "pose", "static", "placement_frame")
+TAKEN = "has the name of a link or a frame, or of the world"
 SECOND = "is left out: of a file that is included the first model counts"
 
 
@@ -63,12 +64,13 @@ class ScopeReader:
                 self._check_merged(scope, model, part)
 
     def _apart(self, scope: Scope, part: Element) -> Element:
-        """Return a part; a joint that has a link's name, as in old files, with another one, as
-        libsdformat does it."""
+        """Return a part; a joint that has a link's name, as in old files, or the world's, with
+        another one, as libsdformat does it."""
         name = part.text("name")
-        if part.tag == "joint" and name in scope.named and scope.named[name].tag != "joint":
+        taken = name == WORLD or (name in scope.named and scope.named[name].tag != "joint")
+        if part.tag == "joint" and taken:
             name = f"{name}_joint"
-            self.notes.on(part, "has the name of a link or a frame, and _joint behind it here")
+            self.notes.on(part, f"{TAKEN}, and _joint behind it here")
             part = part.with_attributes({**part.attributes, "name": name})
         self._check_free(scope, part, name)
         return part
@@ -85,6 +87,8 @@ class ScopeReader:
                 )
 
     def _check_free(self, scope: Scope, part: Element, name: str) -> None:
+        if name in ("", BETWEEN):
+            raise part.refusal(f"is called {name!r}, which is no name; give it one")
         if name in scope.named or name in scope.models:
             raise part.refusal("has the name of another part of its model; names are given once")
 
