@@ -233,6 +233,18 @@ def test_a_visual_that_is_wrong_is_noted_and_refuses_nothing(visual, words, tmp_
     assert not imported.mechanism.bodies["a"].shapes and not imported.mechanism.caveats
 
 
+@pytest.mark.parametrize("shared", [True, False])
+def test_a_colour_that_is_wrong_is_noted_and_refuses_nothing(shared, tmp_path):
+    steel = '<material name="m"><color rgba="1 0 0"/></material>'
+    own = '<material name="m"/>' if shared else steel
+    visual = f'<visual><geometry><sphere radius="0.1"/></geometry>{own}</visual>'
+    text = arm().replace('<link name="a">', f'<link name="a">{visual}')
+    text = text.replace("<link", (steel if shared else "") + "<link", 1)
+    imported = read(text, tmp_path)
+    assert imported.mechanism.bodies["a"].shapes[0].colour is None
+    assert any("<material 'm'> gives no colour: line" in note for note in imported.notes)
+
+
 def test_fixed_joints_that_are_driven_or_mimicked(tmp_path):
     drive = '<transmission><joint name="{}"/></transmission>'
     fixed = (

@@ -42,11 +42,8 @@ ABSENT = (
 
 def shapes_of(model: UrdfModel, reading: Reading, notes: Notes) -> dict[str, tuple[Shape, ...]]:
     """Return the shapes of all links by the body that they are on, in its frame."""
-    colours = {
-        name: colour
-        for name, colour in map(_material, model.root.each("material"))
-        if colour is not None
-    }
+    materials = [_material(each, notes) for each in model.root.each("material")]
+    colours = {name: colour for name, colour in materials if colour is not None}
     found: dict[str, tuple[Shape, ...]] = defaultdict(tuple)
     for name, link in model.links.items():
         body, X = model.seat(name)
@@ -83,14 +80,14 @@ def _shape_of(
     geometry = visual.named("geometry")
     mesh, solid = geometry.first("mesh"), next(geometry.each(*SHAPES), None)
     if mesh is not None:
-        yield from _mesh(visual, mesh, _colour(visual, colours), reading, notes)
+        yield from _mesh(visual, mesh, _colour(visual, colours, notes), reading, notes)
     elif solid is None:
         kinds = ", ".join(child.tag for child in geometry.children[:FEW]) or "nothing"
         notes.on(visual, f"is not shown: it is {kinds}, not one of {', '.join(SHAPES)}")
     elif min(sizes := _sizes(solid)) <= 0:
         notes.on(visual, f"is not shown: its {solid.tag} has no size")
     else:
-        yield _shape(solid, sizes, poses.frame_of(origin(visual)), _colour(visual, colours))
+        yield _shape(solid, sizes, poses.frame_of(origin(visual)), _colour(visual, colours, notes))
 
 
 def _mesh(
@@ -137,20 +134,26 @@ def _shape(
     )
 
 
-def _colour(visual: Element, colours: dict[str, tuple[float, ...]]) -> tuple[float, ...] | None:
+def _colour(
+    visual: Element, colours: dict[str, tuple[float, ...]], notes: Notes
+) -> tuple[float, ...] | None:
     """Return the colour of a <visual>, by its own <material> or by the name of one of the
     file's."""
     material = visual.first("material")
     if material is None:
         return None
-    name, colour = _material(material)
+    name, colour = _material(material, notes)
     return colours.get(name) if colour is None else colour
 
 
-def _material(element: Element) -> tuple[str, tuple[float, ...] | None]:
-    """Return the name of a <material>, and red, green and blue if it gives them."""
-    colour = element.first("color")
-    rgb = (
-        None if colour is None else tuple(np.clip(colour.numbers("rgba", (4,))[:3], 0, 1).tolist())
-    )
-    return element.attributes.get("name", ""), rgb
+def _material(element: Element, notes: Notes) -> tuple[str, tuple[float, ...] | None]:
+    """Return the name of a <material>, and red, green and blue if it gives them; wrong ones are
+    noted."""
+    name, colour = element.attributes.get("name", ""), element.first("color")
+    if colour is None:
+        return name, None
+    try:
+        return name, tuple(np.clip(colour.numbers("rgba", (4,))[:3], 0, 1).tolist())
+    except MechanismError as error:
+        notes.on(element, f"gives no colour: {str(error).removeprefix(f'{colour.file}: ')}")
+        return name, None
