@@ -90,6 +90,8 @@ def test_other_encodings_are_read(tmp_path):
 
 BROKEN = {
     "blank lines first": ("<?xml", "\n\n <?xml"),
+    "words first": ('<?xml version="1.0"?>', "a model > of mine"),
+    "half a declaration": ("<?xml", "?xml"),
     "hyphens in comments": ("</worldbody>", "<!-- a -- <b/> --->\n</worldbody>"),
     "a comment that is none": ("</worldbody>", "<!-\\- a\n <b/ -\\->\n</worldbody>"),
     "a lone ampersand": (

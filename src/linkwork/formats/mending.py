@@ -2,9 +2,9 @@
 same: files from hands and from old exporters.
 
 Bytes that are no UTF-8 (Windows' letters in names and comments), empty lines before the
-declaration, two hyphens in a comment, <! ...> that is none, a lone & in a name, attributes without
-a space between them, characters that print nothing, the last end tag twice. The text stays in its
-lines; entities and document types stay what they are.
+declaration, words before the first element, two hyphens in a comment, <! ...> that is none, a lone
+& in a name, attributes without a space between them, characters that print nothing, the last end
+tag twice. The text stays in its lines; entities and document types stay what they are.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ def mended(data: bytes) -> bytes | None:
     text = _decoded(data)
     if before := DECLARATION.match(text):
         text = _lines(before[0]) + text[before.end() :]
+    start = max(text.find("<"), 0)
+    text = _lines(text[:start]) + text[start:]
     text = ODD.sub(lambda odd: _lines(odd[0]), _without_comments(text))
     text = SPARE.sub(r"\1", UNPRINTED.sub(" ", LONE.sub("&amp;", text)))
     return TOUCHING.sub(r"\1 ", text).encode()
