@@ -93,3 +93,13 @@ def test_the_words_of_other_programs_are_noted_where_they_place_nothing(said, wa
     told = " ".join(imported.notes)
     words = ("iyx", *(("euler",) if warned else ("D", "K", "mu_coulomb", "mu_viscous")))
     assert all(f"says {word}, which is left out" in told for word in words)
+
+
+def test_numbers_with_blanks_are_read_where_pinocchio_leaves_moments_out(tmp_path):
+    (tmp_path / "m.urdf").write_text(arm())
+    right = load(tmp_path / "m.urdf")
+    (tmp_path / "m.urdf").write_text(arm().replace("ixx='0.1'", "ixx='0.1 '"))
+    imported = load(tmp_path / "m.urdf")
+    assert imported.mechanism.bodies == right.mechanism.bodies and not imported.mechanism.caveats
+    assert any("<inertia> has blanks behind numbers" in note for note in imported.notes)
+    assert pin.buildModelFromUrdf(str(tmp_path / "m.urdf")).inertias[1].inertia[2, 2] == 0

@@ -36,6 +36,10 @@ ATTRIBUTES = {
 }
 """What these elements may say; most others are the words of some program, and move nothing."""
 PLACING = ("origin", "axis")
+BLANKS = (
+    "has blanks behind numbers, at which urdfdom (ROS, Pinocchio) says that it cannot read on and "
+    "leaves the rest at zero; all are read here"
+)
 
 
 def tell_unread(root: Element, notes: Notes) -> None:
@@ -44,6 +48,9 @@ def tell_unread(root: Element, notes: Notes) -> None:
         kind = "joint" if element.tag == drake.JOINT else element.tag
         tell_repeats(element, ONCE[kind], notes)
         for part in element.children:
+            blank = any(said != said.rstrip() for said in part.attributes.values())
+            if part.tag == "inertia" and blank:
+                notes.on(part, BLANKS)
             known = ATTRIBUTES.get(part.tag, tuple(part.attributes))
             missing = [name for name in known if name not in part.attributes]
             for name in part.attributes.keys() - {*known}:
