@@ -17,6 +17,7 @@ from linkwork.analysis._observability import echelon, volume
 from linkwork.analysis.measured_poses import PoseModel, model_of, readings_of, turning
 from linkwork.errors import ModelWarning
 
+from tests.analysis import mechanisms
 from tests.catalogue import WHOLE
 from tests.equations.evaluation import close
 
@@ -383,6 +384,20 @@ def test_choices_that_tell_too_little_are_refused(rpr):
         analysis.best_poses(robot, states, 26)
     with pytest.raises(lw.LinkworkError, match="measure is 'all'; choose from 'pose'"):
         analysis.observability(robot, states, measure="all")  # pyright: ignore
+
+
+def test_poses_that_do_not_tell_what_all_see_are_no_choice():
+    """An arm's base, elbow and tip are 6 numbers, of which a pose tells two: its angle is another
+    one. Two poses have as many numbers as that, and tell four."""
+    described = mechanisms.arm(1.0, 0.6)
+    hip, elbow = described.actuators
+    tip = next(iter(described.mechanism.tools))
+    places = f"{hip}.frames.0", f"{elbow}.frames.0", f"{tip}.frame"
+    robot = described.free(*(f"{place}.position.{axis}" for place in places for axis in "xy"))
+    states = robot.state(np.random.default_rng(1).uniform(-1, 1, (6, 2)))
+    assert len(analysis.best_poses(robot, states, 3)) == 3
+    with pytest.raises(lw.LinkworkError, match="of 2 poses tells 4 of the 6 combinations"):
+        analysis.best_poses(robot, states, 2)
 
 
 def test_numbers_that_open_a_loop_of_redundant_rows_are_refused():

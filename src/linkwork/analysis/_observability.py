@@ -247,7 +247,7 @@ def best_poses(
 
     Raises:
         LinkworkError: as `observability`; a count that is not from 1 to the number of candidates,
-            or so small that what the candidates see cannot be told.
+            or so small that what the candidates see is not told.
     """
     needed(robot, Robot)
     noise = {"position": position, "rotation": rotation, "encoders": encoders}
@@ -272,6 +272,12 @@ def best_poses(
     random = np.random.default_rng(seed)
     ends = [exchanged(blocks, random.permutation(many)[:count]) for _ in range(max(starts, 1))]
     best = max(ends, key=lambda chosen: volume(blocks[chosen].sum(axis=0)))
+    rank = observed(model, slopes[best].reshape(count * rows, -1), count, False).rank
+    if rank < whole.rank:
+        raise LinkworkError(
+            f"the best choice of {amount(count, 'pose')} tells {rank} of the "
+            f"{amount(whole.rank, 'combination')} that all candidates see; choose more poses"
+        )
     return tuple(sorted(int(k) for k in best))
 
 
