@@ -65,6 +65,22 @@ def test_a_mass_coasts_at_its_limit_of_speed(cart, ends):
     assert again.used["speed"] == pytest.approx(found.used["speed"], rel=1e-6)
 
 
+def test_rates_at_the_end_are_told_and_kept(cart, ends):
+    """Against sharp dry friction a mass comes to rest within an interval and goes back, which the
+    mesh does not see: it ended at its place but for 8e-5 m, with 13 mm/s."""
+    rough = lw.Friction(coulomb=2.0, coulomb_rate=1e-6)
+    slide = cart.mechanism.joints["slide"].model_copy(update={"friction": rough})
+    robot = lw.Robot(cart.mechanism.model_copy(update={"joints": {"slide": slide}}))
+    ends = robot.state([0.1]), robot.state([0.1 + WAY])
+    limits = motions.ActuatorLimits(force=FORCE)
+    with pytest.raises(lw.LinkworkError, match=r"ends at rates off by 0\.013"):
+        design.optimal_motion(robot, *ends, limits, intervals=4)
+    found = design.optimal_motion(robot, *ends, limits, intervals=40)
+    assert found.missed_rates == found.run["joint_rate"].values[-1]
+    assert 0 < np.abs(found.missed_rates[0]) < 5e-3
+    assert f"its rates by {abs(found.missed_rates[0]):.2g}" in repr(found)
+
+
 def test_a_mass_moved_with_the_least_effort(cart, ends):
     """The least sum of squares of forces that are constant in intervals: a pseudo-inverse; it tends
     to 12 m^2 d^2 / T^3."""

@@ -31,6 +31,7 @@ from linkwork.simulation import Run, Sampled
 
 LEAST, MOST = 4, 1000  # intervals
 MISSED = 1e-3  # in own units, by which the robot may end elsewhere
+DRIFT = 1e-2  # in own units over the duration, by which its rates may be others there
 SLOWEST = 4.0  # duration over that of a motion at the limits of force, of a guess without them
 ROUNDING = 1e-9  # of a speed at its limit
 FINE = 20  # points in an interval at which the run is looked at
@@ -42,8 +43,8 @@ class OptimalMotion:
 
     duration: T [s]; cost: T [s], or the integral of u'u [N^2 s, N^2 m^2 s]; minimised: which
     forces: of the actuators, constant in each interval
-    run: of the robot under these forces, found by its own integrator; missed: by which it ends
-        elsewhere, of each independent coordinate [m, rad]
+    run: of the robot under these forces, found by its own integrator; missed, missed_rates: by
+        which it ends elsewhere, of each independent coordinate [m, rad] and rate [m/s, rad/s]
     used: largest part of the limits of force, speed and power that any actuator takes in the run
     steps: of IPOPT; stationarity: residual of the conditions of optimality over the largest
         multiplier; settled: whether it is none, or else the search ended when its time was up
@@ -55,6 +56,7 @@ class OptimalMotion:
     forces: Sampled
     run: Run
     missed: np.ndarray
+    missed_rates: np.ndarray
     used: dict[str, float]
     steps: int
     stationarity: float
@@ -68,7 +70,8 @@ class OptimalMotion:
             [
                 f"Motion in {self.duration:.6g} s, {said}, {reached} on "
                 f"{len(self.forces.times) - 1} intervals ({self.steps} steps)",
-                f"  simulated with its forces it ends off by {np.abs(self.missed).max():.2g}",
+                f"  simulated with its forces it ends off by {np.abs(self.missed).max():.2g}, its "
+                f"rates by {np.abs(self.missed_rates).max():.2g}",
                 *([f"  of what is allowed the run takes: {used}"] if used else []),
             ]
         )
@@ -157,7 +160,7 @@ def optimal_motion(
     # What the robot does under the forces that were found.
     T, times = own.T, np.linspace(0.0, own.T, count + 1)
     forces = Sampled(times, np.vstack([own.u.T, own.u[:, -1]]), "hold")
-    run, missed = simulated(robot, ends, forces, T)
+    run, missed, missed_rates = simulated(robot, ends, forces, T)
     return OptimalMotion(
         T,
         T if minimise == "time" else float((own.u**2).sum() * T / count),
@@ -165,6 +168,7 @@ def optimal_motion(
         forces,
         run,
         missed,
+        missed_rates,
         shares(robot, run, forces, limits),
         found.steps,
         found.stationarity,
@@ -193,8 +197,8 @@ def straight(robot: Robot, ends: tuple[State, State], limits: ActuatorLimits) ->
 
 def simulated(
     robot: Robot, ends: tuple[State, State], forces: Sampled, T: float
-) -> tuple[Run, np.ndarray]:
-    """Return the robot's run under forces, and by how much it ends elsewhere (n)."""
+) -> tuple[Run, np.ndarray, np.ndarray]:
+    """Return the robot's run under forces, and by how much it ends elsewhere and otherwise (n)."""
     start, end = ends
     run = robot.simulate(start, forces, duration=T)
     if not run.success:
@@ -210,7 +214,14 @@ def simulated(
             f"with the forces that are found the robot ends off by {np.abs(missed).max():.2g}, for "
             f"{len(forces.times) - 1} intervals are too coarse; give more"
         )
-    return run, missed
+    rates = robot.in_chart(run.final, names).rates - end.rates
+    if not np.abs(rates / own).max() * T <= DRIFT:
+        raise LinkworkError(
+            "with the forces that are found the robot ends at rates off by "
+            f"{np.abs(rates).max():.2g}, for {len(forces.times) - 1} intervals are too coarse; "
+            "give more"
+        )
+    return run, missed, rates
 
 
 def shares(robot: Robot, run: Run, forces: Sampled, limits: ActuatorLimits) -> dict[str, float]:
