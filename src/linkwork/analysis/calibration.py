@@ -29,6 +29,7 @@ from linkwork.analysis.measured_poses import (
     readings_of,
     spatial,
 )
+from linkwork.analysis.settled_squares import settled
 from linkwork.checks import amount, by_name, finite, needed, shown
 from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.mechanism import Mechanism
@@ -40,6 +41,7 @@ TOLERANCE = 1e-15
 OTHER_UNIT = 100.0  # times as far apart as the tool's positions, from which on a unit is off
 TURNS = 4 * np.pi  # from where on rotations are hardly radians
 TOO_FAR = 1e3  # of what remains, over the least noise, where loops do not close
+UNTOLD = 1e-9  # of the robot's length, or rad: what remains by rounding
 ROUNDED = 1e-9  # of the robot's length, which is no distance between poses
 SHOWN, WIDE = 16, 88
 
@@ -141,7 +143,8 @@ def calibrate(robot: Robot, measured: MeasuredPoses) -> Calibration:
             numbers that open loops which no joint closes; samples at which the loops do not close.
 
     Warns:
-        ModelWarning: positions that look like millimetres, rotations that look like degrees.
+        ModelWarning: positions that look like millimetres, rotations that look like degrees; least
+            squares that are not found.
     """
     from scipy.optimize import least_squares
 
@@ -183,6 +186,14 @@ def calibrate(robot: Robot, measured: MeasuredPoses) -> Calibration:
         ftol=TOLERANCE,
         gtol=TOLERANCE,
     )
+    if not settled(found, count * (UNTOLD * model.reach) ** 2 / 2):
+        warnings.warn(
+            "the numbers that fit best are not found: the search ended where what remains still "
+            "falls; begin nearer to the robot as it is, or leave out samples at which loops hardly "
+            "close",
+            ModelWarning,
+            stacklevel=3,
+        )
     p = robot.p + seen @ found.x
     other = robot.with_parameters(dict(zip(robot.parameters, map(float, p), strict=True)))
     remains = fit.remains(p).reshape(len(q), -1)

@@ -27,6 +27,7 @@ import numpy as np
 
 from linkwork.analysis._base_parameters import regressor_of
 from linkwork.analysis.identification import Identification, Measured, motion_of
+from linkwork.analysis.settled_squares import settled
 from linkwork.checks import among, positive, shown
 from linkwork.equations.regressor import OF_BODIES
 from linkwork.errors import LinkworkError, ModelWarning
@@ -45,7 +46,6 @@ STEP = 1e-30  # of the complex step
 TOLERANCE = 1e-14
 MOST, PATIENT = 300, 3000  # evaluations, at once and along a valley
 GRADUATED = (1e-8, 1e-6, 1e-4, 1e-2, 1.0)  # weights of residuals along a valley
-PROMISED = 1e-2  # of half the sum of squares, in units of the noise, or of 1
 WIDE = 10.0  # spread of friction and rotors, over what is described or 1
 SPATIAL, FLAT = 10, 4
 UNTOLD = 1e-3  # part of a direction that is not told, from which on a number is not
@@ -153,12 +153,12 @@ def fitted(
         ModelWarning: least squares that are not found.
     """
     found = least(residual, spread, lower, np.zeros(lower.size), MOST)
-    if not settled(found, lower):
+    if not settled(found, 1.0, lower):
         theta = np.zeros(lower.size)
         for weight in GRADUATED:
             found = least(lambda x, w=weight: w * residual(x), spread, lower, theta, PATIENT)
             theta = found.x
-    if not settled(found, lower):
+    if not settled(found, 1.0, lower):
         warnings.warn(
             f"the masses that fit best are not found in {PATIENT} steps, and these only come near "
             "them; measure a motion that tells more, or give another spread",
@@ -169,15 +169,6 @@ def fitted(
     _, values, Vt = np.linalg.svd(J, full_matrices=False)
     W = Vt.T / np.maximum(values, 1 / spread)  # rounding of large ones hides the small ones
     return found.x, W @ W.T, J[: -lower.size]
-
-
-def settled(found: OptimizeResult, lower: np.ndarray) -> bool:
-    """Tell whether least squares are found: a step by the slopes that stays above the least values
-    promises hardly less. Steps that have become tiny in a valley's bend end a search, too."""
-    from scipy.optimize import lsq_linear
-
-    step = lsq_linear(found.jac, -found.fun, (lower - found.x, np.inf))
-    return bool(found.success and found.cost - step.cost <= PROMISED * max(found.cost, 1.0))
 
 
 def least(
