@@ -115,8 +115,9 @@ def fastest(
     Limits hold at the points of a grid along the path, on both sides of each, and are verified
     within its intervals, in quarters of them, and closely where friction changes its sign or sets
     in: where one would be passed there, all are tightened until none is. The duration is above the
-    least one by a part that falls with the number of points (some 0.1 % to 0.4 % of 401). With more
-    actuators than freedoms the forces are those of least norm.
+    least one by a part that falls with the number of points (some 0.1 % to 0.4 % of 401; 1 % where
+    dry friction, which ceases at rest, takes much of the force, falling by its square root). With
+    more actuators than freedoms the forces are those of least norm.
 
     Under a limit of the jerk the motion begins and ends without acceleration, s(t) is cubic between
     two points of the grid (`jerk_limited`), and the law is a local optimum, which is verified at 8
