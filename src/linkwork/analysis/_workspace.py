@@ -205,7 +205,7 @@ def reach(
         more = not_told_apart(problem, poses, q, good, branch, mode, side)
         if not (side and all(tells(J, stage.columns) for stage in side.stages.stages)):
             return q, good, more & ~good
-        good = more
+        good |= more  # ways also lead past where a sign changes that other rows stand in for
     elif by_all:
         # A row that is kept may vanish in vain: the tool is led by all rows.
         begin, here = (

@@ -30,18 +30,21 @@ NOTHING = 1e-9  # entry of [Phi; J], in own units, that vanishes on closed confi
 class LegSides:
     """Hold the stages of single legs, and the signs (stages) of their determinants somewhere.
 
-    loops: independent rows of Phi; still: rates that stand still in all motions that these allow
+    closing, rank: rows of Phi, and how many of them are independent; still: rates that stand still
+        in all motions that they allow
     """
 
     stages: ModeStages
     signs: np.ndarray
-    loops: tuple[int, ...]
+    closing: int
+    rank: int
     still: tuple[int, ...]
 
     def keeps(self, A: np.ndarray) -> np.ndarray:
         """Tell which configurations (K) are on this side, by A = [Phi; J] (K, rows, nv) in own
         units: also what stands still does so there."""
-        moved = np.abs(motions(A, self.loops)[:, :, self.still]).max(axis=(1, 2), initial=0.0)
+        turned = motions(A, self.closing, self.rank)[:, :, self.still]
+        moved = np.abs(turned).max(axis=(1, 2), initial=0.0)
         return same(self.stages.signs(A), self.signs) & (moved <= MOVED)
 
 
@@ -54,8 +57,8 @@ def side_of(A: np.ndarray, closing: int) -> LegSides | None:
         closing: number of its rows that close loops, those of Phi.
     """
     # What moves at all, and the rows that determine it.
-    loops = tuple(independent_rows(list(A[:, :closing])))
-    moves = np.linalg.norm(motions(A, loops), axis=1).max(axis=0) > STILL
+    loops = independent_rows(list(A[:, :closing]))
+    moves = np.linalg.norm(motions(A, closing, len(loops)), axis=1).max(axis=0) > STILL
     moving, still = np.flatnonzero(moves), tuple(np.flatnonzero(~moves).tolist())
     order = [*loops, *range(closing, A.shape[1])]
     parts = A[:, order][:, :, moving]
@@ -70,12 +73,13 @@ def side_of(A: np.ndarray, closing: int) -> LegSides | None:
         size = float(np.abs(determinant(A, *places)).max())
         stages.append(ModeStage(*places, max(size, 1e-300)))
     found = ModeStages(tuple(stages))
-    return LegSides(found, found.signs(A[0]), loops, still)
+    return LegSides(found, found.signs(A[0]), closing, len(loops), still)
 
 
-def motions(A: np.ndarray, loops: tuple[int, ...]) -> np.ndarray:
-    """Return orthonormal motions (K, freedoms, nv) that rows of Phi allow."""
-    return np.linalg.svd(A[:, loops])[2][:, len(loops) :]
+def motions(A: np.ndarray, closing: int, rank: int) -> np.ndarray:
+    """Return orthonormal motions (K, freedoms, nv) that the rows of Phi of a rank allow, of which
+    those that were independent elsewhere may depend on each other here."""
+    return np.linalg.svd(A[:, :closing])[2][:, rank:]
 
 
 def sparsest(A: np.ndarray, there: np.ndarray) -> list[int]:
