@@ -70,6 +70,27 @@ def test_the_jacobians_where_a_row_that_is_kept_vanishes(turned):
     assert all(np.isfinite(part[0]).all() and np.isnan(part[1]).all() for part in both)
 
 
+@pytest.mark.parametrize("aside", [0.0, 1e-12, 1e-4])
+def test_the_jacobians_where_a_pivot_of_the_elimination_vanishes(aside):
+    """An Orthoglide, rod 3 turned about: u_i . (P' - q_i' e_i) = 0, u_i from carriage i to P."""
+    robot, rod = built("orthoglide"), 0.31
+    places = dict(zip(robot.coordinates, robot.home.positions, strict=True))
+    other = robot.state(places | {"slide_3": -2 * rod})
+    P = np.array([1.0, 1.0, -1.0]) * (rod / np.sqrt(3) - aside)
+    reach = np.sqrt(rod**2 - (P @ P - P**2)) * [-1, -1, 1]
+    u = np.where(np.eye(3) > 0, reach, P)
+    state = robot.assemble(tool=P, guess=other)
+    both = jacobians(robot)(np.stack([state.q, np.nan * state.q]))
+    K, J, det_B, det_A = (part[0] for part in both)
+    np.testing.assert_allclose(J, np.linalg.solve(u, np.diag(reach)), atol=1e-9)
+    np.testing.assert_allclose(K, np.linalg.inv(J), atol=1e-9)
+    np.testing.assert_allclose(det_A / det_B, np.linalg.det(u) / np.prod(reach), rtol=1e-9)
+    told = along(robot, robot.assemble(tool=np.stack([P, 0.999 * P]), guess=other))
+    assert not told["crossings"].size
+    for name in ("tool_distance", "actuator_distance", "conditioning"):
+        np.testing.assert_allclose(*told[name].values, rtol=2e-2)
+
+
 def test_the_five_bar_s_determinants_in_closed_form():
     """A: rows elbow -> tip; B: (tip - elbow) . (z x crank): |A| ~ sin between the distals, B ~ sin
     crank to distal."""

@@ -85,13 +85,16 @@ class Jacobians:
 
     @cached_property
     def kernel(self) -> Kernel:
-        """q -> K (n x n), J (n x n), and det B, det A over their values at the reference."""
+        """q -> K (n x n), J (n x n), det B, det A over their values at the reference, and the
+        weakest pivots of both."""
         joints, equations = self.robot.equations.joints, self.robot.equations
         outputs = {
             "K": ca.mtimes(joints.rate_rows(self.direct.what), self.inverse.solution),
             "J": ca.mtimes(self.inverse.J, self.direct.solution),
             "det_B": self.inverse.determinant,
             "det_A": self.direct.determinant,
+            "pivot_B": self.inverse.weakest,
+            "pivot_A": self.direct.weakest,
         }
         function = functions.function("input_output", equations, outputs)
         return compile_function(function).given(self.robot.p)
@@ -119,10 +122,30 @@ class Jacobians:
         q = given
         if self.spared:
             return self._by_all_rows(q, sign)
-        K, J, det_B, det_A = self.kernel(q)
-        n, batch = len(self.what), q.shape[:-1]
-        K, J = (np.swapaxes(part.reshape(*batch, n, n), -1, -2) for part in (K, J))
-        return InputOutput(K, J, det_B[..., 0], det_A[..., 0])
+        n, batch, q = len(self.what), q.shape[:-1], q.reshape(-1, q.shape[-1])
+        K, J, det_B, det_A, *pivots = (part.copy() for part in self.kernel(q))
+        K, J = (np.swapaxes(part.reshape(-1, n, n), -1, -2) for part in (K, J))
+        inverse, direct = all_rows(self.inverse), all_rows(self.direct)
+        weak_B, weak_A = self.misled(q, *pivots)
+        for weak, system, other, found, D in (
+            (weak_B, inverse, direct, K, det_B),
+            (weak_A, direct, inverse, J, det_A),
+        ):
+            if weak.any():
+                found[weak] = other.asked(q[weak]) @ system.rates(q[weak])
+                D[weak, 0] = system.determinants(q[weak])
+        K, J = (part.reshape(*batch, n, n) for part in (K, J))
+        return InputOutput(K, J, det_B.reshape(batch), det_A.reshape(batch))
+
+    def misled(
+        self, q: np.ndarray, pivot_B: np.ndarray, pivot_A: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return at which configurations (N, nq), of such weakest pivots (N, 1), the inverse and
+        the direct systems are regular, but to be solved in another order (N, N)."""
+        return (
+            all_rows(self.inverse).misled(q, pivot_B[:, 0]),
+            all_rows(self.direct).misled(q, pivot_A[:, 0]),
+        )
 
     def _by_all_rows(self, q: np.ndarray, sign: np.ndarray | float | None) -> InputOutput:
         inverse, direct = all_rows(self.inverse), all_rows(self.direct)

@@ -32,6 +32,7 @@ from linkwork.model.turning import closing
 from linkwork.robot import Robot
 
 SHORT = 1e-5  # part of unit rates by which differences are taken
+WEAK = 1e-6  # pivot over the determinant, below which much rounding is in what follows
 EQUAL = 1e-12  # difference of two determinants over their sum that rounding may have made
 STRIDE, SHORTEST = 0.2, 0.01  # steps to another configuration, in the mechanism's own units
 ROUNDS, NEWTON = 200, 10  # such steps, and Newton's ones in each
@@ -83,6 +84,24 @@ class AllRows:
         """Return D of configurations (N, nq) over its value where the system was chosen (N)."""
         at = np.concatenate([self.square.base[None], q])
         D = np.linalg.svd(self.matrix(at), compute_uv=False).prod(axis=1)
+        return D[1:] / D[0]
+
+    def misled(self, q: np.ndarray, pivots: np.ndarray) -> np.ndarray:
+        """Return at which configurations (N, nq) a pivot of the square system's elimination, of the
+        weakest (N), vanishes while the system stays regular (N)."""
+        weak = ~(pivots > WEAK) & np.isfinite(q).all(axis=1)
+        if weak.any():
+            weak[weak] = ~(pivots[weak] > WEAK * np.abs(self.determinants(q[weak])))
+        return weak
+
+    def determinants(self, q: np.ndarray) -> np.ndarray:
+        """Return the square system's determinant at configurations (N, nq), in any order, over its
+        value where it was chosen (N)."""
+        stages = self.square.chart.stages
+        rows = [r for stage in stages for r in stage.rows]
+        columns = [c for stage in stages for c in stage.columns]
+        A = self.matrix(np.concatenate([self.square.base[None], q]))
+        D = np.linalg.det(A[:, rows][:, :, columns])
         return D[1:] / D[0]
 
     def signs(self, q: np.ndarray) -> np.ndarray:
@@ -150,15 +169,16 @@ class AllRows:
         gaps = np.linalg.norm((others - here) @ (Phi @ to_rates).T, axis=1)
         return others[np.argmin(gaps)]
 
-    def slopes(self, moved: AllRows, q: np.ndarray) -> np.ndarray:
-        """Return the derivatives of D along what another system asks for (N, n), by central
-        differences."""
+    def slopes(self, moved: AllRows, q: np.ndarray, kept: bool = False) -> np.ndarray:
+        """Return the derivatives of D, or of the kept rows' determinant, along what another system
+        asks for (N, n), by central differences."""
         tree, found = self.square.equations.tree, []
         derivatives = self.leader.outputs(q)["derivatives"]
         for w in np.moveaxis(moved.rates(q), 2, 0):
             aside = SHORT * (derivatives @ w[..., None])[..., 0]
-            ahead, behind = (self.sizes(unit(tree, q + way)) for way in (aside, -aside))
-            level = np.abs(ahead - behind) <= EQUAL * (ahead + behind)
+            size = self.determinants if kept else self.sizes
+            ahead, behind = (size(unit(tree, q + way)) for way in (aside, -aside))
+            level = np.abs(ahead - behind) <= EQUAL * np.abs(ahead + behind)
             found.append(np.where(level, 0.0, (ahead - behind) / (2 * SHORT)))
         return np.stack(found, axis=-1)
 

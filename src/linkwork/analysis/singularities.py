@@ -230,7 +230,11 @@ def distances(made: Jacobians, q: np.ndarray, length: float | None) -> dict[str,
     if made.spared:
         slope_A, slope_B = direct.slopes(inverse, q), inverse.slopes(direct, q)
     else:
-        slope_A, slope_B = made.robot.once(determinant_slopes, made)(q)
+        slope_A, slope_B = (part.copy() for part in made.robot.once(determinant_slopes, made)(q))
+        weak_B, weak_A = made.misled(q, *made.kernel(q)[4:])
+        if (weak := weak_A | weak_B).any():
+            slope_A[weak] = direct.slopes(inverse, q[weak], kept=True)
+            slope_B[weak] = inverse.slopes(direct, q[weak], kept=True)
     x_scale, q_scale = made.lengths(length)
     with np.errstate(divide="ignore", invalid="ignore"):
         return {

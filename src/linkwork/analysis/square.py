@@ -24,7 +24,7 @@ import numpy as np
 from linkwork.equations import Equations
 from linkwork.equations.algebra import SX
 from linkwork.equations.chart import Chart, choose_chart
-from linkwork.equations.elimination import solve
+from linkwork.equations.elimination import solve, weakest
 from linkwork.equations.independence import choose_independent
 from linkwork.errors import LinkworkError
 from linkwork.model import checks, task
@@ -109,15 +109,24 @@ class Square:
     @cached_property
     def determinants(self) -> ca.SX:
         """Determinant of each stage over its value at `base`."""
-        _, pivots = self._solve(
-            self.equations.rows.Phi, SX(len(self.equations.rows.names), 0), SX(self.J.shape[0], 0)
-        )
+        pivots = self._pivots
         ends = np.cumsum([len(stage.blocks) for stage in self.chart.stages])
         parts = [
             pivots[end - len(stage.blocks) : end]
             for end, stage in zip(ends, self.chart.stages, strict=True)
         ]
         return ca.vertcat(SX(0, 1), *[product(part) for part in parts])
+
+    @property
+    def weakest(self) -> ca.SX:
+        """The smallest relative pivot of the elimination."""
+        return ca.fabs(weakest(self._pivots))
+
+    @cached_property
+    def _pivots(self) -> list[ca.SX]:
+        return self._solve(
+            self.equations.rows.Phi, SX(len(self.equations.rows.names), 0), SX(self.J.shape[0], 0)
+        )[1]
 
     @cached_property
     def newton(self) -> ca.SX:
