@@ -6,6 +6,10 @@ so that it differs from its companion by d = e - e_c = (1 - 1/10) e; with a fixe
 method of order p by d = (1 - 2^-p) e from one at h / 2. What makes errors grow, a chaotic motion
 say, makes them grow in the difference, too.
 
+The message of a run tells of an error that is large beside the tolerance; with a fixed step, which
+no tolerance bounds, of one that is large beside the coordinate itself. So a step tells that is too
+long for a stiff spring or bristle, with which a run may come to its end all the same.
+
 The companion is run when it is first asked for. It covers what MOST steps cover.
 Source: Shampine, Numerical Solution of Ordinary Differential Equations (1994), on global errors by
 reintegration.
@@ -33,6 +37,7 @@ TIGHTER, FINER = 0.1, 0.5  # tolerance, and step, of the companion, relative to 
 LEAST = 1e-15  # relative tolerance of a companion that rounding leaves a meaning
 MOST = 100_000  # steps of a companion
 WORTH_TELLING = 1000.0  # times the tolerance
+ROUGH = 0.01  # of the size, from which on errors of fixed steps are told
 
 
 class Estimate(NamedTuple):
@@ -49,10 +54,8 @@ class Estimate(NamedTuple):
     until: float
 
     def __str__(self) -> str:
-        return (
-            f"Its error is about {self.value:.2g} {self.unit} ({self.name} at t = {self.time:.6g} "
-            f"s), {self.ratio:.2g} times what rtol and atol allow a step; tighten them."
-        )
+        where = f"{self.name} at t = {self.time:.6g} s"
+        return f"Its error is about {self.value:.2g} {self.unit} ({where})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +123,23 @@ class Compared:
             units[m],
             float(common[k]),
             float(common[-1]),
+        )
+
+    @property
+    def caveat(self) -> str:
+        """What is told of a large error, and what would lessen it; nothing where it is small."""
+        found, settings = self.estimate, self.passage.settings
+        step = settings.integrator.step
+        most = WORTH_TELLING if step is None else ROUGH / settings.rtol
+        if not (found and found.ratio > most):
+            return ""
+        if step is None:
+            return (
+                f" {found}, {found.ratio:.2g} times what rtol and atol allow a step; tighten them."
+            )
+        return (
+            f" {found}, for which a step of {step:g} s is too long; take a shorter one, or "
+            "leave method and step out."
         )
 
     @property

@@ -185,11 +185,9 @@ class Ensemble(ReadOnlyArrays, Portrayed):
 
     def message(self, member: int) -> str:
         """Return the sentence with which a member's run ended; that of its error, too, as the
-        message of `run(member)` does, where steps were chosen by their errors and a Python function
-        does not control it."""
+        message of `run(member)` does, where a Python function does not control it."""
         number = self._numbered(member)
-        known = self._companion is not None and self.settings.integrator.step is None
-        if known and self.status[number] != Status.CANCELLED:
+        if self._companion is not None and self.status[number] != Status.CANCELLED:
             return self.run(number).message
         return self._sentences(number)
 

@@ -11,7 +11,7 @@ import numpy as np
 from linkwork.mechanism.files import written
 from linkwork.model import chart_transfer, checks
 from linkwork.model.state import State
-from linkwork.runs.accuracy import WORTH_TELLING, Compared, called_alike
+from linkwork.runs.accuracy import Compared, called_alike
 from linkwork.runs.endings import (
     ASKED,
     ERROR,
@@ -119,10 +119,7 @@ def record(made: Compared, state: State, besides: np.ndarray) -> Run:
 
     def sentences() -> str:
         _, message = ending(system, segments)
-        adaptive, found = settings.integrator.step is None, made.estimate
-        return (
-            f"{message} {found}" if adaptive and found and found.ratio > WORTH_TELLING else message
-        )
+        return message + made.caveat
 
     def error() -> dict[str, object]:
         found = made.estimate
