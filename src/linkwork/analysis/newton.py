@@ -23,7 +23,7 @@ from linkwork.analysis.square import Square
 from linkwork.equations import functions
 from linkwork.kernels import Kernel, compile_function
 from linkwork.model import dexterity
-from linkwork.model.closing import closed, of_any_length
+from linkwork.model.closing import Step, closed, of_any_length
 from linkwork.robot import Robot
 from linkwork.threads import usable_processors
 
@@ -114,12 +114,29 @@ class Solver:
     ) -> tuple[np.ndarray, np.ndarray]:
         enough = CONVERGED * self.square.robot.size
         q, good, *_ = closed(
-            of_any_length(self.step), q, (y,), iterations, enough, contracting=False
+            staying_closed(self.step, enough), q, (y,), iterations, enough, contracting=False
         )
         alignment, determinants = self.verdict(q[good], np.zeros(y.shape[-1]))
         fits = True if mode is None else (np.sign(determinants) == mode).all(axis=1)
         good[good] = (alignment[:, 0] > 0) & fits
         return q, good
+
+
+def staying_closed(kernel: Kernel, enough: float) -> Step:
+    """Return the steps of a kernel, as `of_any_length` does, but for those that lead from a small
+    enough residual to a larger one, as where a pivot vanishes: there q stays."""
+    plain = of_any_length(kernel)
+
+    def step(q: np.ndarray, *given: np.ndarray) -> tuple[np.ndarray, np.ndarray, None]:
+        after, residual, _ = plain(q, *given)
+        near = np.flatnonzero(residual <= enough)
+        if near.size:
+            own = [part[near] if part.ndim == 2 else part for part in given]
+            opened = near[~(plain(after[near], *own)[1] <= enough)]
+            after[opened] = q[opened]
+        return after, residual, None
+
+    return step
 
 
 def solver(square: Square) -> Solver:
