@@ -145,12 +145,7 @@ def solver(square: Square) -> Solver:
 
 
 def _solver(_: Robot, square: Square) -> Solver:
-    return Solver(square, extent(square))
-
-
-def extent(square: Square) -> float:
-    """Return the mechanism's largest length at its reference [m] (`dexterity.extent`)."""
-    return dexterity.extent(square.robot)
+    return Solver(square, dexterity.extent(square.robot))
 
 
 Result = TypeVar("Result")

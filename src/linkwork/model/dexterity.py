@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from linkwork.equations.lengths import ROUNDING
+from linkwork.mechanism import GROUND, FreeJoint
 from linkwork.mechanism.task import is_length
 from linkwork.model.asked import ToolAsked
 from linkwork.model.closing import Least
@@ -191,16 +191,17 @@ def conditioning(robot: Model, q: np.ndarray, p: np.ndarray | None = None) -> np
 
 
 def extent(robot: Model) -> float:
-    """Return the mechanism's largest length at its reference [m], or else its own: joint frames,
-    slides, bodies."""
-    frames = [frame for joint in robot.mechanism.pairs.values() for frame in joint.frames]
-    lengths = [float(np.linalg.norm(frame.position)) for frame in frames]
-    slides = [
-        abs(x)
-        for x, label in zip(robot.home.positions, robot.coordinates, strict=True)
-        if robot.unit(label) == "m"
+    """Return how far apart joints' frames are at the reference [m], or the mechanism's own length
+    where that is more: wherever the robot stands, and the origins of its bodies are."""
+    mechanism, shape = robot.mechanism, (len(robot.bodies) + 1, 3)
+    p, R, *_ = robot.kernel("bodies_motion")(robot.home.q, np.zeros(robot.mobility))
+    p, R = np.append(p, np.zeros(3)).reshape(shape), np.append(R, np.eye(3)).reshape(*shape, 3)
+    points = [
+        p[k] + R[k] @ frame.position
+        for joint in mechanism.pairs.values()
+        if not isinstance(joint, FreeJoint)
+        for name, frame in zip(joint.connects, joint.frames, strict=True)
+        for k in [-1 if name == GROUND else robot.bodies.index(name)]
     ]
-    origins, *_ = robot.kernel("bodies_motion")(robot.home.q, np.zeros(robot.mobility))
-    away = np.linalg.norm(origins.reshape(-1, 3), axis=1)
-    largest, own = max(*lengths, *slides, *away.tolist()), robot.equations.tree.length
-    return largest if largest > ROUNDING * own else own
+    spread = np.ptp(points or np.zeros((1, 3)), axis=0)
+    return max(float(np.linalg.norm(spread)), robot.equations.tree.length)
