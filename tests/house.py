@@ -71,6 +71,7 @@ WINGS = {
             "passing",
             "path_following",
             "leg_sides",
+            "spread",
             "task",
         ),
         *("tool_motion", "walking"),

@@ -1,5 +1,5 @@
 """Mechanisms of the tests: a general 3-RPR, Dietmaier's platform, a planar arm, a 3-RRS, a cart and
-a mass on springs."""
+a mass on springs; robots that stand elsewhere."""
 
 from functools import cache
 from math import atan2, hypot
@@ -59,6 +59,19 @@ def rpr(corners, vertices, pose):
             reference=reference,
         )
     )
+
+
+def elsewhere(robot, shift):
+    """Return a robot whose joints on the ground are shifted [m]."""
+    described = robot.mechanism
+    joints = dict(described.joints)
+    for name, joint in described.pairs.items():
+        if joint.connects[0] == "ground":
+            frame, other = joint.frames
+            place = tuple(np.add(frame.position, shift))
+            frames = (frame.model_copy(update={"position": place}), other)
+            joints[name] = joint.model_copy(update={"frames": frames})  # pyright: ignore
+    return lw.Robot(described.model_copy(update={"joints": joints}))
 
 
 def turned(vector, angle):

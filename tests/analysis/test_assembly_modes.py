@@ -9,9 +9,9 @@ import linkwork as lw
 from linkwork.analysis import assembly_modes, jacobians, working_modes
 from linkwork.analysis._assembly_modes import by_bodies, search, tool_kernel
 from linkwork.analysis.square import of_tool
-from linkwork.model.dexterity import extent
+from linkwork.model.spread import extent
 
-from tests.analysis.mechanisms import dietmaier, postures, rpr
+from tests.analysis.mechanisms import dietmaier, elsewhere, postures, rpr
 from tests.catalogue import built
 from tests.oracle.published import DIETMAIER_BASE, DIETMAIER_PLATFORM, DIETMAIER_SQUARES
 
@@ -114,18 +114,11 @@ def test_a_delta_also_stands_where_its_three_spheres_meet_above_the_elbows():
 
 def test_where_a_robot_stands_changes_no_modes():
     """A Delta 37 m from the ground's origin has all the working modes of the one at home."""
-    described = built("delta").mechanism
-    joints = dict(described.joints)
-    for name, joint in described.pairs.items():
-        if joint.connects[0] == "ground":
-            frame, other = joint.frames
-            place = tuple(np.add(frame.position, (30.0, -20.0, 10.0)))
-            frames = (frame.model_copy(update={"position": place}), other)
-            joints[name] = joint.model_copy(update={"frames": frames})  # pyright: ignore
-    moved = lw.Robot(described.model_copy(update={"joints": joints}))
+    moved = elsewhere(built("delta"), (30.0, -20.0, 10.0))
     here, there = (working_modes(robot, starts=20_000) for robot in (built("delta"), moved))
     assert here.sure and there.sure and len(here) == len(there) == 40
-    assert extent(moved) == pytest.approx(extent(built("delta")))
+    sizes = [extent(r.mechanism, r.chart, r.home.q) for r in (built("delta"), moved)]
+    assert sizes[0] == pytest.approx(sizes[1])
 
 
 @pytest.mark.parametrize(("robot", "count"), [("five_bar", 2), ("four_bar", 2), ("agile_wrist", 8)])

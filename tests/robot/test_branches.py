@@ -13,7 +13,7 @@ from linkwork.errors import ModelWarning
 from linkwork.mechanism.numbers import edited
 from linkwork.robots.plane import corners, vertices
 
-from tests.analysis.mechanisms import arm, rrs
+from tests.analysis.mechanisms import arm, elsewhere, rrs
 from tests.catalogue import built
 from tests.oracle.random_joints import random_loops
 
@@ -196,6 +196,17 @@ def test_a_platform_that_only_shifts_is_not_found_turned_over():
         robot.assemble(tool=[-0.267, 0.0, -0.3])
     turned = robot.assemble(tool=[-0.267, 0.0, -0.3], branch="any")
     assert abs(turned["pose.qw"]) < 0.9
+
+
+@pytest.mark.parametrize("pose", [(0.61, -0.65, 0.73), (-0.71, -0.26, -0.44), (-1.05, -0.5, -0.19)])
+def test_a_pose_is_reached_wherever_the_robot_stands(pose):
+    """The straight way is barred; legs of any length reach each pose."""
+    here = built("rpr3")
+    away = np.array([30.0, -20.0, 0.0])
+    for robot in (here, elsewhere(here, away)):
+        asked = robot.tool_pose(robot.home) + pose
+        state = robot.assemble(tool=asked)
+        np.testing.assert_allclose(robot.tool_pose(state), asked, atol=1e-9)
 
 
 def test_a_branch_that_is_none():

@@ -22,8 +22,8 @@ import numpy as np
 from linkwork.analysis.square import Square
 from linkwork.equations import functions
 from linkwork.kernels import Kernel, compile_function
-from linkwork.model import dexterity
 from linkwork.model.closing import Step, closed, of_any_length
+from linkwork.model.spread import extent
 from linkwork.robot import Robot
 from linkwork.threads import usable_processors
 
@@ -144,8 +144,8 @@ def solver(square: Square) -> Solver:
     return square.robot.once(_solver, square)
 
 
-def _solver(_: Robot, square: Square) -> Solver:
-    return Solver(square, dexterity.extent(square.robot))
+def _solver(robot: Robot, square: Square) -> Solver:
+    return Solver(square, extent(robot.mechanism, robot.chart, robot.home.q))
 
 
 Result = TypeVar("Result")

@@ -45,6 +45,7 @@ from linkwork.mechanism.task import is_length, labels
 from linkwork.model import checks, dexterity
 from linkwork.model.asked import ToolAsked, task_rows
 from linkwork.model.labels import POSE_ANGLES, POSES
+from linkwork.model.spread import extent
 from linkwork.model.task import Task, task_if_any
 from linkwork.patience import announced
 from linkwork.robot import Motion, Robot, State
@@ -182,7 +183,8 @@ def watched(robot: Robot, what: tuple[str, ...] | None) -> Watched:
         made = jacobians(robot, labels(stated or ()) if what is None else what)
         return Watched(robot, made.task, made.rows, *made.lengths())
     whole, direct = POSES[robot.planar], of_actuators(robot)
-    scale = np.where([name in POSE_ANGLES for name in whole], dexterity.extent(robot), 1.0)
+    size = extent(robot.mechanism, robot.chart, robot.home.q)
+    scale = np.where([name in POSE_ANGLES for name in whole], size, 1.0)
     return Watched(
         robot,
         whole,

@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from linkwork.mechanism import GROUND, FreeJoint
 from linkwork.mechanism.task import is_length
 from linkwork.model.asked import ToolAsked
 from linkwork.model.closing import Least
 from linkwork.model.modes import ModeStages
+from linkwork.model.spread import extent
 from linkwork.model.task import Task, around, freedoms, task_if_any
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ def characteristic_length(robot: Model, task: Task) -> float:
     turns, shifts = (
         float(np.sqrt(np.mean(np.sum(part**2, axis=0)))) for part in (K[:, turning], K[:, ~turning])
     )
-    largest = extent(robot)
+    largest = extent(robot.mechanism, robot.chart, robot.home.q)
     fits = HARDLY * largest < turns / max(shifts, 1e-300) < largest / HARDLY
     return turns / shifts if fits else largest
 
@@ -188,20 +188,3 @@ def conditioning(robot: Model, q: np.ndarray, p: np.ndarray | None = None) -> np
     values = np.linalg.svd(found.K / x * driven[:, None], compute_uv=False)
     ratio = values[:, len(task) - 1] / np.maximum(values[:, 0], 1e-300)
     return np.where(found.led & (ratio > LOST), ratio, 0.0)
-
-
-def extent(robot: Model) -> float:
-    """Return how far apart joints' frames are at the reference [m], or the mechanism's own length
-    where that is more: wherever the robot stands, and the origins of its bodies are."""
-    mechanism, shape = robot.mechanism, (len(robot.bodies) + 1, 3)
-    p, R, *_ = robot.kernel("bodies_motion")(robot.home.q, np.zeros(robot.mobility))
-    p, R = np.append(p, np.zeros(3)).reshape(shape), np.append(R, np.eye(3)).reshape(*shape, 3)
-    points = [
-        p[k] + R[k] @ frame.position
-        for joint in mechanism.pairs.values()
-        if not isinstance(joint, FreeJoint)
-        for name, frame in zip(joint.connects, joint.frames, strict=True)
-        for k in [-1 if name == GROUND else robot.bodies.index(name)]
-    ]
-    spread = np.ptp(points or np.zeros((1, 3)), axis=0)
-    return max(float(np.linalg.norm(spread)), robot.equations.tree.length)

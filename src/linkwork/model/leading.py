@@ -29,6 +29,7 @@ from linkwork.model.charts import CompiledChart
 from linkwork.model.closing import Approach, Closed, Least, Step, closed
 from linkwork.model.leg_sides import LegSides, side_of
 from linkwork.model.modes import SAMPLES, SPREAD, ModeStages, same
+from linkwork.model.spread import extent
 from linkwork.model.turning import closing
 from linkwork.model.walking import FINEST, FIRST, NEWTON, ROUNDS, Walker
 
@@ -51,7 +52,7 @@ class Leader:
     assembler: solves for one, by steps that are shortened until they lead nearer
     modes: what has to keep its signs
     strict: whether what is on another mode is refused, or else taken as it comes
-    mechanism; home: slides of its joints at home [m]; chart: of its home
+    mechanism; home: its q there (nq); chart: of its home
     """
 
     least: Least
@@ -399,10 +400,5 @@ class Leader:
 
     @cached_property
     def length(self) -> float:
-        """How far slides may be from the guess [m]: the largest distance that joints' frames and
-        slides have at home."""
-        frames = [
-            frame.position for joint in self.mechanism.pairs.values() for frame in joint.frames
-        ]
-        lengths = [float(np.linalg.norm(position)) for position in frames]
-        return max([self.tree.length, *lengths, *np.abs(self.home).tolist()])
+        """How far slides may be from the guess [m]."""
+        return extent(self.mechanism, self.chart, self.home)

@@ -192,8 +192,7 @@ class Model(SetOnce):
             compiled = approach(self.chart, modes, asked)
             walker = Walker(compiled, modes, self.chart, asked) if compiled else None
             steps = self.least(asked, modes), compiled, walker
-            slides = self.home.positions[~self.labels.angular]
-            given = self.assembler, modes, strict, self.mechanism, slides, self.chart
+            given = self.assembler, modes, strict, self.mechanism, self.home.q, self.chart
             self._leaders[key] = Leader(*steps, *given)
         return self._leaders[key]
 
