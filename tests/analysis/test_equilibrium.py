@@ -31,6 +31,14 @@ def test_a_pendulum_hangs_and_stands():
     assert np.sin(away.state["hinge_1"]) == pytest.approx(-1)
 
 
+def test_a_search_from_many_starts_derives_few_charts():
+    """Independent rates that were good for one start are taken for others."""
+    described = built("rpr3").mechanism.model_copy(update={"gravity": (0.0, -9.81, 0.0)})
+    robot = lw.Robot(described)
+    assert equilibria(robot, starts=12)
+    assert len(robot.charts) == 2
+
+
 def test_a_motor_holds_the_pendulum_at_its_angle():
     """m g l cos q = u."""
     found = equilibrium(built("pendulum"), {"hinge_1": 5.0})

@@ -100,9 +100,22 @@ def equilibrium(
     u = actuator_forces(robot, forces)
     state = at_rest(robot.home if guess is None else robot.own(guess))
     one_state(robot, state)
+    return balanced(robot, u, state, stable, [])
+
+
+def balanced(
+    robot: Robot, u: np.ndarray, state: State, stable: bool, known: list[tuple[str, ...]]
+) -> Equilibrium:
+    """Return the equilibrium that a search from a state at rest ends in.
+
+    Args:
+        robot, stable: as in `equilibrium`; u: of the actuators [N, N m].
+        known: independent rates of charts that are derived, which are taken where they are good; to
+            be added to.
+    """
     for _ in range(ROUNDS):
         with checks.at("on the way to an equilibrium: "):
-            state = in_good_rates(robot, state)
+            state = in_good_rates(robot, state, known)
             force, K = unbalanced(robot, state, u)
             units = own_rates(robot, state)
             r, K_own = force * units, K * units * units[:, None]
@@ -147,12 +160,12 @@ def equilibria(
     asked = robot.kernel("positions")(q)[0][:, [robot.coordinates.index(name) for name in names]]
     q, good = problem.solve(q, asked, 60)
     found: list[Equilibrium] = []
+    known: list[tuple[str, ...]] = []
     for start in (robot.equations.reference, *q[good]):
         for stable in (True, False):
             try:
-                one = equilibrium(
-                    robot, u, guess=robot.make_state(start, np.zeros(robot.mobility)), stable=stable
-                )
+                state = robot.make_state(start, np.zeros(robot.mobility))
+                one = balanced(robot, u, state, stable, known)
             except (LinkworkError, np.linalg.LinAlgError):
                 continue
             if not any(alike(robot, one.state, other.state) for other in found):
@@ -160,12 +173,15 @@ def equilibria(
     return sorted(found, key=lambda one: not one.stable)
 
 
-def in_good_rates(robot: Robot, state: State) -> State:
-    """Return the state in independent rates that determine the motion well there: in its own, or in
-    others."""
-    if abs(robot.chart_of(state).pivot(state.q)) > WEAK:
-        return state
-    return robot.in_chart(state, robot.chart.better(state.q, ()).independent)
+def in_good_rates(robot: Robot, state: State, known: list[tuple[str, ...]]) -> State:
+    """Return the state in independent rates that determine the motion well there: in its own, in
+    known ones, or in others, which are then known."""
+    for independent in (state.independent, *known):
+        if abs(robot.charts[independent].pivot(state.q)) > WEAK:
+            return robot.in_chart(state, independent)
+    state = robot.in_chart(state, robot.chart.better(state.q, ()).independent)
+    known.append(state.independent)
+    return state
 
 
 def alike(robot: Robot, one: State, other: State) -> bool:
