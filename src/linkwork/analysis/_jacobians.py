@@ -140,8 +140,12 @@ class Jacobians:
     def misled(
         self, q: np.ndarray, pivot_B: np.ndarray, pivot_A: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return at which configurations (N, nq), of such weakest pivots (N, 1), the inverse and
-        the direct systems are regular, but to be solved in another order (N, N)."""
+        """Return at which configurations the inverse and the direct systems are regular, but to be
+        solved in another order (N, N).
+
+        Args:
+            q: configurations (N, nq); pivot_B, pivot_A: the weakest pivots of both there (N, 1).
+        """
         return (
             all_rows(self.inverse).misled(q, pivot_B[:, 0]),
             all_rows(self.direct).misled(q, pivot_A[:, 0]),

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from linkwork.mechanism import GROUND, FreeJoint, Mechanism
+from linkwork.mechanism import GROUND, Mechanism
 from linkwork.model.charts import CompiledChart
+
+ALL = 6  # rates of a joint that ties nothing
 
 
 def extent(mechanism: Mechanism, chart: CompiledChart, q: np.ndarray) -> float:
@@ -16,8 +18,8 @@ def extent(mechanism: Mechanism, chart: CompiledChart, q: np.ndarray) -> float:
     p, R = np.append(p, np.zeros(3)).reshape(shape), np.append(R, np.eye(3)).reshape(*shape, 3)
     points = [
         p[k] + R[k] @ frame.position
-        for joint in mechanism.pairs.values()
-        if not isinstance(joint, FreeJoint)
+        for label, joint in mechanism.pairs.items()
+        if len(joint.rates(label)) < ALL
         for name, frame in zip(joint.connects, joint.frames, strict=True)
         for k in [-1 if name == GROUND else names.index(name)]
     ]
