@@ -140,12 +140,12 @@ def assembly_modes(
     """
     needed(robot, Robot)
     by = by_tool if robot.mechanism.tools else by_bodies
-    if joints is None and not {*actuated(robot)} <= {*robot.coordinates}:
-        return search(
-            of_actuators(robot), actuated_coordinates(robot, robot.home.q), by, starts, seed
-        )
     if joints is None:
-        joints = {name: float(robot.home[name]) for name in robot.actuators}
+        names = actuated(robot)
+        if not {*names} <= {*robot.coordinates}:
+            lengths = actuated_coordinates(robot, robot.home.q)
+            return search(of_actuators(robot), lengths, by, starts, seed)
+        joints = {name: float(robot.home[name]) for name in names}
     if not isinstance(joints, Mapping):
         raise LinkworkError(
             f"the joints are {joints!r}; give coordinates by name, such as "

@@ -122,11 +122,17 @@ class Jacobians:
         q = given
         if self.spared:
             return self._by_all_rows(q, sign)
+        return self.in_any_order(q)[0]
+
+    def in_any_order(self, q: np.ndarray) -> tuple[InputOutput, np.ndarray]:
+        """Return K, J, det B and det A for configurations q (..., nq), and at which of all of them
+        (N) either system is regular, but solved in another order."""
         n, batch, q = len(self.what), q.shape[:-1], q.reshape(-1, q.shape[-1])
-        K, J, det_B, det_A, *pivots = (part.copy() for part in self.kernel(q))
+        *parts, pivot_B, pivot_A = self.kernel(q)
+        K, J, det_B, det_A = (part.copy() for part in parts)
         K, J = (np.swapaxes(part.reshape(-1, n, n), -1, -2) for part in (K, J))
         inverse, direct = all_rows(self.inverse), all_rows(self.direct)
-        weak_B, weak_A = self.misled(q, *pivots)
+        weak_B, weak_A = inverse.misled(q, pivot_B[:, 0]), direct.misled(q, pivot_A[:, 0])
         for weak, system, other, found, D in (
             (weak_B, inverse, direct, K, det_B),
             (weak_A, direct, inverse, J, det_A),
@@ -135,21 +141,7 @@ class Jacobians:
                 found[weak] = other.asked(q[weak]) @ system.rates(q[weak])
                 D[weak, 0] = system.determinants(q[weak])
         K, J = (part.reshape(*batch, n, n) for part in (K, J))
-        return InputOutput(K, J, det_B.reshape(batch), det_A.reshape(batch))
-
-    def misled(
-        self, q: np.ndarray, pivot_B: np.ndarray, pivot_A: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return at which configurations the inverse and the direct systems are regular, but to be
-        solved in another order (N, N).
-
-        Args:
-            q: configurations (N, nq); pivot_B, pivot_A: the weakest pivots of both there (N, 1).
-        """
-        return (
-            all_rows(self.inverse).misled(q, pivot_B[:, 0]),
-            all_rows(self.direct).misled(q, pivot_A[:, 0]),
-        )
+        return InputOutput(K, J, det_B.reshape(batch), det_A.reshape(batch)), weak_B | weak_A
 
     def _by_all_rows(self, q: np.ndarray, sign: np.ndarray | float | None) -> InputOutput:
         inverse, direct = all_rows(self.inverse), all_rows(self.direct)

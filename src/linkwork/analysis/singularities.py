@@ -227,16 +227,17 @@ def distances(made: Jacobians, q: np.ndarray, length: float | None) -> dict[str,
     """Return det_A, det_B, conditioning, tool_distance and actuator_distance of configurations
     (N, nq)."""
     inverse, direct = all_rows(made.inverse), all_rows(made.direct)
-    K, _, det_B, det_A = made(q, inverse.along(q) if made.spared else None)
-    sigma = singular_values(made.homogeneous(K, length))
     if made.spared:
+        found = made(q, inverse.along(q))
         slope_A, slope_B = direct.slopes(inverse, q), inverse.slopes(direct, q)
     else:
+        found, weak = made.in_any_order(q)
         slope_A, slope_B = (part.copy() for part in made.robot.once(determinant_slopes, made)(q))
-        weak_B, weak_A = made.misled(q, *made.kernel(q)[4:])
-        if (weak := weak_A | weak_B).any():
+        if weak.any():
             slope_A[weak] = direct.slopes(inverse, q[weak], kept=True)
             slope_B[weak] = inverse.slopes(direct, q[weak], kept=True)
+    K, _, det_B, det_A = found
+    sigma = singular_values(made.homogeneous(K, length))
     x_scale, q_scale = made.lengths(length)
     with np.errstate(divide="ignore", invalid="ignore"):
         return {

@@ -247,10 +247,10 @@ def passed_near(
     near: the way there; s: of the samples
     """
     ends, at = s[::BETWEEN], near.motion.time
-    rows = near.constraints(limits, np.interp(at, s, x))
+    own = np.interp(at, s, x)
+    rows = near.constraints(limits, own)
     place = np.clip(np.searchsorted(ends, at, "right") - 1, 0, len(ends) - 2)
     bend = np.diff(x[::BETWEEN]) / np.diff(ends) / 2
-    own = np.interp(at, s, x)
     over = (rows.a * bend[place, None] + rows.b * own[:, None] - rows.c).max(axis=1)
     beyond = np.full(len(ends) - 1, -np.inf)
     np.maximum.at(beyond, place, over)
