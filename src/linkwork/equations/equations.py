@@ -178,7 +178,7 @@ class Equations:
         """Number n of independent rates."""
         return len(self.chart.independent)
 
-    @property
+    @cached_property
     def independent(self) -> tuple[str, ...]:
         """Names of the independent rates."""
         return tuple(self.tree.rates[k] for k in self.chart.independent)

@@ -118,7 +118,7 @@ class SegmentLinks:
         ends = t[near] == times
         between = ~ends
         t, y, at = self.breaks.graded(a, b)
-        within = (t.searchsorted(times[between]) - 1).clip(0, len(t) - 2)
+        within = np.maximum(np.minimum(t.searchsorted(times[between]) - 1, len(t) - 2), 0)
         plan, apart = rows.plans
         kernels = rows.whole.acting, rows.chart, rows.whole.cost
         taken = StepsTaken(

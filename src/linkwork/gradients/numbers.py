@@ -23,6 +23,8 @@ from linkwork.gradients import run_kernels
 from linkwork.gradients.chain import rates_jacobian
 from linkwork.gradients.links import Changes, LossSlopes
 from linkwork.gradients.retraced import Retraced
+from linkwork.model.charts import CompiledChart
+from linkwork.model.state import State
 from linkwork.simulation import Sampled, stack
 
 SAMPLES = "samples"  # the group of the values of forces that are given by samples
@@ -117,41 +119,22 @@ class Numbers:
         """The Jacobian of the first (q, v, z) in all numbers (n, numbers)."""
         chart, robot, system = self.chart, self.of.robot, self.of.system
         state, first = self.of.record.start, self.of.segments[0]
-        q, v = state.q, state.rates
-        n, own, extras = v.size, chart.equations.p.numel(), len(system.extras)
-        kernel = chart.compiled("starts along", run_kernels.starts_along)
-        dq = kernel.flat(q, chart.p).reshape(n + own, q.size).T
-        # Rates in the chart that the run starts in.
-        w = rates_jacobian(chart, q, v)[list(first.chart.equations.chart.independent)]
-        dv_q, dv_v, dv_p = w[:, : q.size], w[:, q.size : q.size + n], w[:, q.size + n :]
-        # Columns: positions, rates, extra states, forces, own parameters, others.
-        groups = self.groups
-        ends = [*accumulate(map(len, groups.values()), initial=0)]
-        found = np.zeros((q.size + n + len(system.states), ends[-1]))
-        at = dict(zip(GROUPS, ends, strict=False))
-        positions = slice(at["positions"], at["positions"] + n)
-        rates = slice(at["rates"], at["rates"] + n)
-        parameters = slice(at["parameters"], at["parameters"] + own)
-        rows_q, rows_v = slice(0, q.size), slice(q.size, q.size + n)
-        found[rows_q, positions], found[rows_q, parameters] = dq[:, :n], dq[:, n:]
-        found[rows_v, positions], found[rows_v, rates] = dv_q @ dq[:, :n], dv_v
-        found[rows_v, parameters] = dv_p + dv_q @ dq[:, n:]
-        begin = q.size + n
-        for i in range(extras):
-            found[begin + i, at["states"] + i] = 1
+        counts = tuple(map(len, self.groups.values()))
+        found = begun_closed(state, chart, first.chart, counts, len(system.states))
         # States that tell turns are coordinates as they are read, or their opposites.
         followed = [name for names in self.of.acting.followed for name in names]
         if followed:
+            q, own, found = state.q, chart.p.size, found.copy()
             kernel = chart.compiled("positions jacobian", run_kernels.positions_jacobian)
             read = robot.kernel("positions")(q)[0]
             rows = kernel.flat(q, chart.p).reshape(read.size, -1)
             places = [robot.coordinates.index(name) for name in followed]
-            z = first.start[2][n + extras :]
+            z = first.start[2][-len(followed) :]
             quaternion = np.array([robot.unit(name) == "1" for name in followed])
             signs = np.where(quaternion & (z * read[places] < 0), -1.0, 1.0)
-            change = rows[:, : q.size] @ found[rows_q]
-            change[:, parameters] += rows[:, q.size :]
-            found[begin + extras :] = signs[:, None] * change[places]
+            change, parameters = rows[:, : q.size] @ found[: q.size], sum(counts[:4])
+            change[:, parameters : parameters + own] += rows[:, q.size :]
+            found[-len(followed) :] = signs[:, None] * change[places]
         return found
 
     def require_closed(self, names: Sequence[str]) -> None:
@@ -216,6 +199,39 @@ class Numbers:
         sums = slopes.signal[::4].sum(axis=0)
         found[ends[2] : ends[3]] += sums[list(self.commands)[: len(groups["forces"])]]
         return found
+
+
+@lru_cache(maxsize=64)
+def begun_closed(
+    state: State, chart: CompiledChart, first: CompiledChart, counts: tuple[int, ...], others: int
+) -> np.ndarray:
+    """Return the Jacobian of the first (q, v, z) in all numbers, without the states that tell
+    turns; it is kept, for runs that go out from the same state.
+
+    Args:
+        state, chart: where the run goes out from, and the chart of its rates.
+        first: the chart that the run starts in.
+        counts: how many numbers each of `GROUPS` has; others: how many states z there are.
+    """
+    q, v, own = state.q, state.rates, chart.p.size
+    n = v.size
+    kernel = chart.compiled("starts along", run_kernels.starts_along)
+    dq = kernel.flat(q, chart.p).reshape(n + own, q.size).T
+    # Rates in the chart that the run starts in.
+    w = rates_jacobian(chart, q, v)[list(first.equations.chart.independent)]
+    dv_q, dv_v, dv_p = w[:, : q.size], w[:, q.size : q.size + n], w[:, q.size + n :]
+    # Columns: positions, rates, extra states, forces, own parameters, others.
+    ends = [*accumulate(counts)]
+    positions, rates = slice(n), slice(ends[0], ends[0] + n)
+    parameters = slice(ends[3], ends[3] + own)
+    found = np.zeros((q.size + n + others, ends[-1]))
+    of_q, of_v, of_z = found[: q.size], found[q.size : q.size + n], found[q.size + n :]
+    of_q[:, positions], of_q[:, parameters] = dq[:, :n], dq[:, n:]
+    of_v[:, positions], of_v[:, rates] = dv_q @ dq[:, :n], dv_v
+    of_v[:, parameters] = dv_p + dv_q @ dq[:, n:]
+    np.fill_diagonal(of_z[:, ends[1] : ends[2]], 1.0)
+    found.flags.writeable = False
+    return found
 
 
 @lru_cache(maxsize=256)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -50,7 +49,7 @@ class Retraced:
     ended: bool
     cost: int | None = None
 
-    @cached_property
+    @property
     def held(self) -> int:
         """How many inputs a sampled controller holds."""
         return self.acting.held

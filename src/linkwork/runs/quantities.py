@@ -73,8 +73,10 @@ class SavedQuantity:
         """Tell whether it is told in a place: only runs tell what follows from a run as a whole,
         and studies know one axis of components.
         """
-        fits = {Place.ENSEMBLE: not self.whole, Place.STUDY: not self.whole and len(self.axes) < 2}
-        return place in self.places and fits.get(place, True)
+        if place is Place.RUN:
+            return place in self.places
+        few = place is Place.ENSEMBLE or len(self.axes) < 2
+        return place in self.places and few and not self.whole
 
     @property
     def axis(self) -> str | None:

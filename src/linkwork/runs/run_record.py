@@ -211,8 +211,8 @@ def trimmed(
     kept, end = [], -np.inf
     for segment in segments:
         t = segment.trajectory.t
-        asked = (t > end) & ~np.isin(t, besides) if len(besides) else t > end
-        kept.append((segment, np.flatnonzero(asked)))
+        rows = np.arange(t.searchsorted(end, "right"), len(t))
+        kept.append((segment, rows[~np.isin(t[rows], besides)] if len(besides) else rows))
         end = t[-1] if len(t) else end
     return kept
 

@@ -316,10 +316,13 @@ def followed_by(robot: Model, acting: Acting, state: State | None) -> Followed:
 def with_jacobian(robot: Model, runs: System, span: tuple[float, float]) -> System:
     """Return a system whose kernels are those of `Joined`, of which one is the Jacobian; inputs and
     parameters are the same."""
-    if runs.acting:
-        return runs
+    return runs if runs.acting else replace(runs, acting=robot.once(alone, span))
+
+
+def alone(robot: Model, span: tuple[float, float]) -> Acting:
+    """Return the acting of nothing on a robot."""
     with BUILDING:
-        return replace(runs, acting=acting_once(robot.names, None, {}, (), (), span))
+        return acting_once(robot.names, None, {}, (), (), span)
 
 
 def require_starts(runs: System, state: State, parameters: np.ndarray) -> None:

@@ -73,23 +73,23 @@ class Trajectory:
             fault -= int(count)
         raise AssertionError(fault)
 
-    @cached_property
+    @property
     def t(self) -> np.ndarray:
         return self.rows[:, 0]
 
-    @cached_property
+    @property
     def q(self) -> np.ndarray:
         return self.rows[:, 1 : 1 + self.nq]
 
-    @cached_property
+    @property
     def v(self) -> np.ndarray:
         return self.rows[:, 1 + self.nq : 1 + self.y_end.size]
 
-    @cached_property
+    @property
     def u(self) -> np.ndarray:
         return self.rows[:, 1 + self.y_end.size : -2]
 
-    @cached_property
+    @property
     def residual(self) -> np.ndarray:
         return self.rows[:, -2]
 
@@ -100,11 +100,11 @@ class Trajectory:
             self.found[:, 0], self.found[:, -1].astype(int), self.found[:, 1 : 1 + n]
         )
 
-    @cached_property
+    @property
     def q_end(self) -> np.ndarray:
         return self.y_end[: self.nq]
 
-    @cached_property
+    @property
     def v_end(self) -> np.ndarray:
         return self.y_end[self.nq :]
 
