@@ -214,6 +214,48 @@ def test_power_and_acceleration_are_limited():
     assert np.abs(slope).max() < 1.02 * 60.0
 
 
+def test_limits_between_points_are_told(cart):
+    """A mass slows down with the least effort: at the points of the mesh it keeps to its range,
+    between them parabolas of its forces lead beyond, and that is told."""
+    slide = cart.mechanism.joints["slide"].model_copy(
+        update={"limits": lw.Limits(lower=0.06, upper=0.25)}
+    )
+    robot = lw.Robot(cart.mechanism.model_copy(update={"joints": {"slide": slide}}))
+    with pytest.warns(
+        lw.errors.ModelWarning, match=r"passes limits by a part: range 10\.\d%; give"
+    ):
+        found = design.optimal_motion(
+            robot,
+            robot.state([0.1], [-0.9]),
+            robot.state([0.2]),
+            motions.ActuatorLimits(force=50.0),
+            minimise="effort",
+            duration=1.0,
+            intervals=4,
+        )
+    x, v, least = 0.1, -0.9, 0.1
+    for force in found.forces.values[:-1, 0]:
+        t = np.linspace(0, 0.25, 1001)
+        least = min(least, (x + v * t + force / MASS * t**2 / 2).min())
+        x, v = x + v * 0.25 + force / MASS * 0.25**2 / 2, v + force / MASS * 0.25
+    assert found.used["range"] == pytest.approx((0.155 - least) / 0.095, abs=1e-3)
+    assert "range 110.6%" in repr(found)
+
+
+def test_distances_from_singular_poses_are_told():
+    """Those of a five-bar are as the sine between its outer links."""
+    robot = built("five_bar")
+    end = robot.assemble(tool=robot.tool_pose(robot.home)[:2] + [-0.2, -0.1])  # noqa: RUF005
+    limits = motions.ActuatorLimits(force=4.0, acceleration=900.0)
+    found = design.optimal_motion(robot, robot.home, end, limits, intervals=6, apart=0.95)
+    fine = found.run.resampled(6 * 200 + 1)
+    left = np.sin(fine["joint_position"].sel(coordinate="tip").values)
+    assert found.used["apart"] == pytest.approx(0.95 * left[0] / left.min(), rel=1e-5)
+    assert found.used["apart"] > 1
+    w = fine["joint_acceleration"].values[:, :2]
+    assert found.used["acceleration"] == pytest.approx(np.abs(w).max() / 900.0, rel=1e-3)
+
+
 def test_bad_input_is_refused(cart, ends):
     limits = motions.ActuatorLimits(force=FORCE)
     flipped = built("five_bar")

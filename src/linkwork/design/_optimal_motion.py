@@ -19,6 +19,7 @@ from typing import Literal
 import numpy as np
 
 from linkwork import checks
+from linkwork.design.limits_taken import shares
 from linkwork.design.motion_points import determinant
 from linkwork.design.motion_search import MotionSearch
 from linkwork.errors import LinkworkError, ModelWarning
@@ -34,7 +35,7 @@ MISSED = 1e-3  # in own units, by which the robot may end elsewhere
 DRIFT = 1e-2  # in own units over the duration, by which its rates may be others there
 SLOWEST = 4.0  # duration over that of a motion at the limits of force, of a guess without them
 ROUNDING = 1e-9  # of a speed at its limit
-FINE = 20  # points in an interval at which the run is looked at
+PASSED = 0.01  # part of a limit by which the run may pass it without a warning
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,9 @@ class OptimalMotion:
     forces: of the actuators, constant in each interval
     run: of the robot under these forces, found by its own integrator; missed, missed_rates: by
         which it ends elsewhere, of each independent coordinate [m, rad] and rate [m/s, rad/s]
-    used: largest part of the limits of force, speed and power that any actuator takes in the run
+    used: largest part of each kind of limit that the run takes, between the points of the mesh, too
+        (`limits_taken.shares`): of force, speed, acceleration and power, of the ranges of joints
+        ("range") and of the distance from singular poses ("apart"); above 1 where it is passed
     steps: of IPOPT; stationarity: residual of the conditions of optimality over the largest
         multiplier; settled: whether it is none, or else the search ended when its time was up
     """
@@ -119,7 +122,8 @@ def optimal_motion(
             robot elsewhere, for the mesh is too coarse.
 
     Warns:
-        ModelWarning: a motion that is not settled.
+        ModelWarning: a motion that is not settled; a limit that is passed by more than 1 % between
+            the points of the mesh.
     """
     # One robot, two states in its own rates, and a cost.
     checks.needed(robot, Robot)
@@ -161,6 +165,14 @@ def optimal_motion(
     T, times = own.T, np.linspace(0.0, own.T, count + 1)
     forces = Sampled(times, np.vstack([own.u.T, own.u[:, -1]]), "hold")
     run, missed, missed_rates = simulated(robot, ends, forces, T)
+    used = shares(robot, run, forces, limits, apart)
+    if passed := [f"{kind} {part - 1:.1%}" for kind, part in used.items() if part > 1 + PASSED]:
+        warnings.warn(
+            f"between the points of the mesh the run passes limits by a part: {', '.join(passed)}; "
+            "give more intervals, or closer limits",
+            ModelWarning,
+            stacklevel=3,
+        )
     return OptimalMotion(
         T,
         T if minimise == "time" else float((own.u**2).sum() * T / count),
@@ -169,7 +181,7 @@ def optimal_motion(
         run,
         missed,
         missed_rates,
-        shares(robot, run, forces, limits),
+        used,
         found.steps,
         found.stationarity,
         found.settled,
@@ -222,20 +234,6 @@ def simulated(
             "give more"
         )
     return run, missed, rates
-
-
-def shares(robot: Robot, run: Run, forces: Sampled, limits: ActuatorLimits) -> dict[str, float]:
-    """Return the largest part of each kind of limit that an actuator takes in a run."""
-    given, fine = limits.of_robot(robot), run.resampled(FINE * (len(forces.times) - 1) + 1)
-    values = {"force": forces.values, "power": fine["actuator_power"].values}
-    if {*robot.actuators} <= {*robot.rates}:
-        places = [robot.rates.index(name) for name in robot.actuators]
-        values["speed"] = fine["joint_rate"].values[:, places]
-    return {
-        kind: float((np.abs(values[kind]) / given[kind]).max())
-        for kind in ("force", "speed", "power")
-        if kind in values and np.isfinite(given[kind]).any()
-    }
 
 
 def own_state(robot: Robot, state: State, what: str) -> State:
