@@ -280,6 +280,37 @@ def test_noise_that_is_not_stated_is_estimated(rpr):
     assert not found.weighed and found.scale == pytest.approx(1e-5, rel=0.3)
 
 
+def test_deviations_hold_where_noise_that_is_not_stated_is_of_two_sizes(rpr):
+    """Those of the least squares with the noise that really is, where rotations are ten times as
+    uncertain, by the robot's own length, as positions, and the other way round: by the noise of all
+    rows together they were twice too large, and half of what they should be."""
+    robot, near = rpr
+    truth = errors(robot, 1e-3, 4)
+    states, real = measured(robot, near, truth)
+    other = robot.with_parameters(truth)
+    pose, length, model = (
+        other.tool_pose(real),
+        robot.equations.tree.length,
+        model_of(other, (2, 3, 4)),
+    )
+    J = model.slopes(real.q, other.p).reshape(-1, robot.p.size)
+    for position, rotation in ((1e-5, 1e-6), (1e-6, 1e-5)):
+        told = []
+        for seed in range(6):
+            noise = np.random.default_rng(seed).standard_normal(pose.shape)
+            noise *= (position * length, position * length, rotation)
+            found = analysis.calibrate(robot, analysis.MeasuredPoses(states, pose + noise))
+            told.append(np.diagonal(found.covariance))
+        of_rows = np.tile([rotation, position, position], len(pose))
+        exact = np.linalg.norm(np.linalg.pinv(J) * of_rows, axis=1)
+        share = np.sqrt(np.mean(told, axis=0)) / exact
+        assert share.min() > 0.8 and share.max() < 1.25
+        sizes = position * length, rotation
+        assert [found.noise[f"tool.{k}"] for k in ("position", "rotation")] == pytest.approx(
+            sizes, rel=0.5
+        )
+
+
 def test_the_best_poses_are_those_of_all_choices(rpr):
     """Of 9 candidates and choices of 5, against the determinants of all 126."""
     robot, states = rpr

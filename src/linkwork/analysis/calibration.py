@@ -6,9 +6,10 @@ by Levenberg and Marquardt's method on exact derivatives through the closed loop
 (`measured_poses`), in the combinations of p that are seen (`_observability`) from where it begins;
 what is not seen stays as described, and is named. With J at the end and f = rows - rank,
 
-    cov p = s^2 (J'J)^+,    s^2 = 1 where the noise is stated, else |r|^2 / f
+    cov p = (J'J)^+
 
-Where it is stated, |r|^2 is chi-square distributed with f degrees of freedom if the model holds.
+where the noise is stated; else its sizes follow from what remains (`noise_shares`). Where it is
+stated, |r|^2 is chi-square distributed with f degrees of freedom if the model holds.
 Source: Hollerbach, Khalil & Gautier 2016, Springer Handbook of Robotics, ch. 8 (model
 identification); Marquardt 1963; Borm & Menq 1991 (observability).
 """
@@ -29,6 +30,7 @@ from linkwork.analysis.measured_poses import (
     readings_of,
     spatial,
 )
+from linkwork.analysis.noise_shares import NoiseShares
 from linkwork.analysis.settled_squares import settled
 from linkwork.checks import amount, by_name, finite, needed, shown
 from linkwork.errors import LinkworkError, ModelWarning
@@ -55,6 +57,8 @@ class Calibration:
     described: values before (np); remains: what was measured less what is foretold, over the noise
         (N, rows)
     weighed: whether the noise was stated
+    sizes, shares: of the noise by which each row is weighed (rows), and how much of it each kind
+        of row has in fact: "tool.position", "tool.rotation" and further joints
     """
 
     robot: Robot
@@ -62,6 +66,8 @@ class Calibration:
     described: np.ndarray
     remains: np.ndarray
     weighed: bool
+    sizes: np.ndarray
+    shares: NoiseShares
 
     @property
     def values(self) -> dict[str, float]:
@@ -85,25 +91,36 @@ class Calibration:
 
     @property
     def scale(self) -> float:
-        """s, by which the noise differs from that of the rows' weights: 1 where it is stated,
-        infinite where it is not and no row is left over to tell it."""
+        """By how much the noise of all rows together differs from that of their weights: 1 where it
+        is stated, infinite where it is not and no row is left over to tell it."""
         if self.weighed:
             return 1.0
         return float(np.sqrt(self.chi_square / self.freedoms)) if self.freedoms else np.inf
 
     @property
+    def noise(self) -> dict[str, float]:
+        """Deviations of the noise that what remains tells, of "tool.position" [m], "tool.rotation"
+        [rad] and further joints; infinite where no row is left over. Stated so, they weigh a second
+        calibration better."""
+        sizes = dict(zip(self.shares.kinds, self.sizes, strict=True))
+        return {k: float(sizes[k] * s2**0.5) for k, s2 in self.shares.squares.items()}
+
+    @property
     def covariance(self) -> np.ndarray:
         """Covariance of the numbers (np x np) in what is seen of them, in their units."""
-        covariance = self.observability.covariance
-        if np.isinf(self.scale):
-            return np.full_like(covariance, np.inf)
-        return self.scale**2 * covariance
+        seen = self.observability
+        if self.weighed or not seen.rank:
+            return seen.covariance
+        if np.isinf([*self.shares.squares.values()]).any():
+            return np.full_like(seen.covariance, np.inf)
+        V = seen.directions[:, : seen.rank] * seen.sizes[:, None] / seen.singular[: seen.rank]
+        return V @ self.shares.covariance @ V.T
 
     @property
     def deviations(self) -> np.ndarray:
         """Standard deviations of the numbers (np); infinite where one is not told by itself."""
-        of_rows = self.observability.deviations
-        return np.multiply(self.scale, of_rows, out=of_rows.copy(), where=np.isfinite(of_rows))
+        own = np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0))
+        return np.where(self.observability.seen, own, np.inf)
 
     @property
     def unseen(self) -> tuple[dict[str, float], ...]:
@@ -197,18 +214,20 @@ def calibrate(robot: Robot, measured: MeasuredPoses) -> Calibration:
     p = robot.p + seen @ found.x
     other = robot.with_parameters(dict(zip(robot.parameters, map(float, p), strict=True)))
     remains = fit.remains(p).reshape(len(q), -1)
-    return Calibration(
-        other, at_end(first, fit.slopes(p)), robot.p.copy(), remains, measured.weighed
-    )
+    seen, left = at_end(first, fit.slopes(p))
+    of_tool = [f"tool.{'rotation' if row < 3 else 'position'}" for row in model.rows]
+    shares = NoiseShares((*of_tool, *model.joints), remains, left)
+    return Calibration(other, seen, robot.p.copy(), remains, measured.weighed, model.scales, shares)
 
 
-def at_end(first: Observability, slopes: np.ndarray) -> Observability:
-    """Return what derivatives at the end (rows, np) tell in the combinations that were sought."""
+def at_end(first: Observability, slopes: np.ndarray) -> tuple[Observability, np.ndarray]:
+    """Return what derivatives at the end (rows, np) tell in the combinations that were sought, and
+    their left singular vectors (rows, rank)."""
     sought, rank = first.directions[:, : first.rank], first.rank
-    singular = np.linalg.svd(slopes * first.sizes @ sought, full_matrices=False)[1:]
-    directions = np.concatenate([sought @ singular[1].T, first.directions[:, rank:]], axis=1)
-    values = np.concatenate([singular[0], np.zeros(len(first.numbers) - rank)])
-    return replace(first, singular=values, directions=directions)
+    left, singular, Vt = np.linalg.svd(slopes * first.sizes @ sought, full_matrices=False)
+    directions = np.concatenate([sought @ Vt.T, first.directions[:, rank:]], axis=1)
+    values = np.concatenate([singular, np.zeros(len(first.numbers) - rank)])
+    return replace(first, singular=values, directions=directions), left
 
 
 @dataclass(eq=False)

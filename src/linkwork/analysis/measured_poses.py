@@ -53,8 +53,8 @@ class MeasuredPoses:
         positions alone) [m, rad]; None where it was not measured
     joints: readings (N) of further joints by coordinate [m, rad]; whole turns do not matter
     position, rotation: standard deviation of each measured component of the tool's position [m] and
-        rotation [rad]; encoders: of the further joints' readings, one or by name [m, rad]; those
-        left out are of one size: the robot's own length, 1 rad
+        rotation [rad]; encoders: of the further joints' readings, one or by name [m, rad]; where
+        one is left out rows are weighed as if the robot's own length and 1 rad were as uncertain
     """
 
     states: State
