@@ -13,6 +13,7 @@ Robotic Systems 8 (1991) 485-506 (base parameters by QR).
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,7 +22,7 @@ import numpy as np
 from linkwork.checks import MOST, amount, count, needed, random_numbers
 from linkwork.equations import regressor
 from linkwork.equations.reference import unit
-from linkwork.errors import LinkworkError
+from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.mechanism.bearing import require_no_bearings
 from linkwork.model import checks
 from linkwork.model.closing import closed, of_any_length
@@ -29,10 +30,12 @@ from linkwork.model.linear import own_rates
 from linkwork.patience import announced
 from linkwork.robot import Robot, State
 
-DEPENDENT = 1e-8
+DEPENDENT = 1e-8  # singular value over the largest, above which none is rounding
+FLOOR, GAP = 1e-15, 100.0  # rounding itself; least fall of singular values at the rank
+FLOOR = 1e-15
 NEGLIGIBLE = 1e-9
 ROUNDING = 1e-6  # coefficients of columns of length 1 that are taken for zero
-SPREAD = 0.3
+SPREAD = 1.0  # of random configurations, in own units: nearer, small parts are rounding
 ROUNDS = 30
 HALVINGS = 20  # of the spread, where loops do not close from it
 STEPS = 20  # in which the reference is led to a configuration
@@ -142,9 +145,9 @@ def base_parameters(
     """Find the combinations of parameters that motions can tell: by the rank of Y on random
     motions.
 
-    What forces tell by less than 1e-8 of their size counts as not told. Of a mechanism of a single
-    freedom that many bodies share the last ones are so small that the seed
-    decides on one or two of them.
+    Their number is where singular values fall to rounding. Of a mechanism of a single freedom that
+    many bodies share the last ones are small, 1e-8 of the forces near the reference, and take fast
+    and wide motions to be identified.
 
     Args:
         robot: whose motions tell them.
@@ -155,6 +158,9 @@ def base_parameters(
     Raises:
         LinkworkError: unknown names; a mechanism that nothing moves in; samples too few to tell how
             many base parameters there are.
+
+    Warns:
+        ModelWarning: singular values without a gap, so that rounding decides on the number.
     """
     needed(robot, Robot)
     made = regressor_of(robot, effects)
@@ -190,16 +196,29 @@ def alike(Y: np.ndarray, units: np.ndarray) -> np.ndarray:
 
 
 def independent(columns: np.ndarray) -> list[int]:
-    """Return the columns, in order, that are no combination of the columns before them
-    (Gram-Schmidt, twice)."""
-    kept: list[int] = []
-    basis = np.empty((len(columns), 0))
-    for k, column in enumerate(columns.T):
-        rest = column - basis @ (basis.T @ column)
-        rest -= basis @ (basis.T @ rest)
-        if np.linalg.norm(rest) > DEPENDENT:
-            basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
+    """Return the columns of length 1, in order, that are no combination of the columns before them
+    (Gram-Schmidt, twice): as many as singular values lie above their widest gap near rounding."""
+    values = np.linalg.svd(columns, compute_uv=False)
+    values = np.append(np.maximum(values / values[0], FLOOR), FLOOR)
+    small = np.flatnonzero(values < DEPENDENT)
+    rank = int(small[np.argmax(values[small - 1] / values[small])])
+    above, below = values[rank - 1 : rank + 1]
+    kept, rests = [], columns.copy()
+    for k in range(columns.shape[1]):
+        length = np.linalg.norm(rests[:, k])
+        if length > np.sqrt(above * below):
             kept.append(k)
+            own, others = rests[:, k] / length, rests[:, k + 1 :]
+            for _ in range(2):
+                others -= np.outer(own, own @ others)
+    if above < GAP * below or len(kept) != rank:
+        warnings.warn(
+            f"how many base parameters there are is near rounding: {len(kept)} are told, but of "
+            f"the singular values the last one that counts is {above:.1g}, the next one "
+            f"{below:.1g}; give more samples",
+            ModelWarning,
+            stacklevel=4,
+        )
     return kept
 
 
