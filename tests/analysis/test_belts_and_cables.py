@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 import linkwork as lw
 from linkwork.analysis import (
@@ -18,6 +19,7 @@ from linkwork.analysis import (
     jacobians,
     natural_modes,
     singularity,
+    tensions,
     workspace,
 )
 from linkwork.analysis.actuated_coordinates import with_coordinate
@@ -179,3 +181,83 @@ def test_what_acts_along_no_coordinate_has_no_potential_wherever_it_is_told():
     fans = {name: Thrust(body="ball", moment=axis) for name, axis in axes.items()}
     with pytest.raises(lw.LinkworkError, match="'x' acts along no coordinate"):
         singularity(fanned := ball(tuple(fans.items())), fanned.home)
+
+
+@cache
+def hung(count):
+    """A plate in the plane, on which weight acts, between cables to its corners from a frame."""
+    corners = np.array([[-0.2, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.2, 0.1], [0, 0.15]])
+    posts = np.array([[2.0, -2], [-2, -2], [2, 2], [-2, 2], [0, 2.5]])
+    lines = {
+        f"cable_{i}": Cable(
+            path=(
+                ViaPoint(body="ground", point=(*posts[i].tolist(), 0)),
+                ViaPoint(body="plate", point=(*corners[i].tolist(), 0)),
+            )
+        )
+        for i in range(count)
+    }
+    return lw.Robot(
+        lw.Mechanism(
+            bodies={"plate": lw.Body(mass=2.0, inertia=lw.Inertia(zz=0.1))},
+            joints={"plane": lw.PlanarJoint(connects=("ground", "plate"))},
+            transmissions=lines,
+            actuators=tuple(lines),
+            tools={"plate": lw.Tool(body="plate")},
+            gravity=(0, -9.81, 0),
+        )
+    )
+
+
+@pytest.mark.parametrize("count", [4, 5])
+def test_tensions_are_the_least_that_keep_cables_taut(count):
+    """By SLSQP over all forces with the same effect; forces of least norm push at some cable."""
+    robot, random = hung(count), np.random.default_rng(1)
+    poses = random.uniform(-0.4, 0.4, (12, 3)) * (1, 1, 0.3)
+    states = robot.assemble(tool=poses).with_rates(random.uniform(-1, 1, (12, 3)))
+    wanted = random.uniform(-2, 2, (12, 3))
+    found, pushed = tensions(robot, states, wanted, least=5.0, most=200.0), 0
+    assert found.max() <= -5.0 + 1e-7 and found.min() >= -200.0
+    np.testing.assert_allclose(robot.forward_dynamics(states, found), wanted, atol=1e-9)
+    for k, u in enumerate(robot.inverse_dynamics(states, wanted)):
+        S, pushed = robot.actuation(states.at(k)), pushed + (u > 0).any()
+        best = minimize(
+            lambda y: y @ y,
+            found[k] - 3.0,
+            jac=lambda y: 2 * y,
+            method="SLSQP",
+            bounds=[(-200.0, -5.0)] * count,
+            constraints={"type": "eq", "fun": lambda y, S=S, u=u: S.T @ (y - u)},
+            options={"ftol": 1e-14, "maxiter": 500},
+        )
+        assert found[k] @ found[k] <= best.fun * (1 + 1e-7)
+    assert pushed > 3
+
+
+def test_a_hung_plate_is_held_and_led_by_taut_cables():
+    robot = hung(4)
+    held = tensions(robot, robot.home, least=2.0)
+    assert held.max() == pytest.approx(-2.0)
+    run = robot.simulate(robot.home, held, duration=0.5)
+    assert np.abs(run["joint_position"].values).max() < 1e-9
+    motion = robot.follow(
+        lw.paths.together(lw.paths.circle([0, 0.1], 0.1), lw.paths.swing(0, 0.1)), duration=1.0
+    )
+    led = tensions(robot, motion, least=2.0)
+    assert isinstance(led, lw.Sampled) and led.values.max() <= -2.0 + 1e-9
+    wanted = robot.forward_dynamics(motion.state, led.values)
+    np.testing.assert_allclose(wanted, motion.accelerations, atol=1e-9)
+
+
+def test_tensions_that_nothing_gives_are_refused():
+    robot = hung(4)
+    cases = [
+        ((built("five_bar"), built("five_bar").home), {}, "no actuator of the robot pulls at a c"),
+        ((robot, robot.home), {"least": 3.0, "most": 2.0}, "give 0 <= least < most"),
+        ((robot, robot.home), {"least": -1.0}, "give 0 <= least < most"),
+        ((robot, robot.home), {"most": 5.0}, "no forces move the robot so with every cable's"),
+        ((robot, robot.state([[0, 0, 0], [0, 3.0, 0]])), {}, "move the robot so in state 1 with"),
+    ]
+    for given, more, sentence in cases:
+        with pytest.raises(lw.LinkworkError, match=sentence):
+            tensions(*given, **more)

@@ -9,6 +9,7 @@ from linkwork.analysis._equilibrium import Equilibrium, distributed_forces, equi
 from linkwork.analysis._error_budget import Contribution, ErrorBudget, error_budget
 from linkwork.analysis._jacobians import Jacobians, input_output, jacobians
 from linkwork.analysis._observability import Observability, best_poses, observability
+from linkwork.analysis._tensions import tensions
 from linkwork.analysis._transmission_indices import TransmissionIndices, transmission_indices
 from linkwork.analysis._workspace import workspace
 from linkwork.analysis.calibration import Calibration, calibrate
@@ -78,6 +79,7 @@ __all__ = [
     "possible",
     "singularity",
     "stiffness_matrix",
+    "tensions",
     "tool_stiffness",
     "transmission_indices",
     "working_modes",

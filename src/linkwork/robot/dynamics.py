@@ -89,7 +89,8 @@ class Dynamics(Kinematics):
         = M v' + C v + G - f.
 
         With more actuators than freedoms these are the forces of least  sum weight_i u_i^2
-        (`internal_forces` may be added); with fewer they are not defined, but for motions of
+        (`internal_forces` may be added, as `linkwork.analysis.tensions` does so that cables do not
+        push); with fewer they are not defined, but for motions of
         elastic joints by `linkwork.motions.flat` or `follow`, which bring the motors' with them.
 
         Args:
@@ -137,7 +138,7 @@ class Dynamics(Kinematics):
 
     def holding_forces(self, state: State) -> np.ndarray:
         """Return the least actuator forces u (actuators) [N, N m] that hold a pose at rest, S' u =
-        G - f.
+        G - f. In them cables may push: `linkwork.analysis.tensions` keeps them taut.
 
         Raises:
             LinkworkError: a stack of states; a pose that no forces of the actuators hold.
