@@ -145,6 +145,9 @@ def equilibria(
 ) -> list[Equilibrium]:
     """Find equilibria under constant actuator forces from random configurations, stable ones first.
 
+    There may be others, which more `starts` or another `seed` may lead to: nothing tells that all
+    are found.
+
     Args:
         robot: any; forces: u of the actuators [N, N m], or by name (others zero); zero if left out.
         starts: number of random configurations of the independent joints, each on the branch that

@@ -89,7 +89,9 @@ class Kinematics(Model):
 
     def conditioning(self, state: State) -> np.ndarray:
         """Return how well the actuators move the tool (...): 1 alike in all directions, 0
-        singular (`linkwork.analysis.dexterity`)."""
+        singular (`linkwork.analysis.dexterity`). Without a task, or of a single freedom, it is the
+        part of the worst motion of the tree's joints that they see: another number where another
+        joint of a loop is cut."""
         q = self.own(state).q
         return dexterity.conditioning(self, q.reshape(-1, q.shape[-1])).reshape(state.batch)
 
