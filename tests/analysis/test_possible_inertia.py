@@ -182,6 +182,8 @@ def test_a_payload_that_is_not_told_has_no_deviation():
     found = carried("pendulum", (0.1, -0.1), 40)
     assert np.isinf(found.deviation)
     assert np.isinf(found.centre_deviations[:2]).all()
+    assert repr(found).endswith("of tool 'mass', a guess in part)")
+    assert "a guess" not in repr(carried("prr3", (0.03, 0.02), 20))
     pendulum = built("pendulum")
     states, dv = random_motions(pendulum, 20, 5)
     load = pendulum.mechanism.with_payload(0.7, (0.1, -0.1, 0.0), lw.Inertia(zz=0.02))

@@ -304,9 +304,10 @@ class EstimatedPayload:
 
     def __repr__(self) -> str:
         x, y, z = self.centre_of_mass
+        untold = "" if np.isfinite(self.centre_deviations).all() else ", a guess in part"
         return (
             f"EstimatedPayload({self.mass:.6g} +- {self.deviation:.2g} kg at ({x:.4g}, {y:.4g}, "
-            f"{z:.4g}) m of tool {self.tool!r})"
+            f"{z:.4g}) m of tool {self.tool!r}{untold})"
         )
 
 
