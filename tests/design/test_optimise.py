@@ -128,6 +128,19 @@ def test_a_robot_of_three_legs_under_a_bound():
     assert better and not any(better)
 
 
+def test_forces_between_samples_are_told():
+    """Six samples of a way along which forces rise and fall, against fifty."""
+    robot = built("prr3")
+    home = robot.tool_pose(robot.home)
+    steps = np.array([[0.04, -0.02, 0.1], [-0.03, 0.03, -0.1]])
+    line = lw.paths.line(*(home + steps).tolist())
+    force = design.PeakForce(line, 0.3, samples=6)
+    with pytest.warns(lw.errors.ModelWarning, match="between its samples PeakForce is") as told:
+        found = design.optimise(robot, {"platform.mass": (1.0, 2.0)}, force)
+    fine = design.PeakForce(line, 0.3, samples=51).value(found.robot)
+    assert f"is {fine:.6g}, not {found.after:.6g}" in str(told[0].message) and fine > found.after
+
+
 def test_a_delta_of_other_rods():
     """One factor of all rods: by a scan over it."""
     robot = built("delta")

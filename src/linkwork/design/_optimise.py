@@ -13,6 +13,7 @@ Source: of loops as constraints, Haug & Arora, Applied Optimal Design, 1979, sec
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -23,13 +24,14 @@ import numpy as np
 from linkwork import checks
 from linkwork.design.choices import Choices, choices
 from linkwork.design.judging import Measure, require_measurable
-from linkwork.errors import LinkworkError
+from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.ipopt import LocalOptimum, Programme
 from linkwork.patience import announced
 from linkwork.robot import Robot
 
 STEPS = 500
 SAME = 1e-5  # part by which the robot's own measure may differ from what was found
+PASSED = 0.01  # part by which it may be worse between samples without a warning
 AT_BOUND = 1e-6  # part of the way between its bounds at which a choice is at one
 SHOWN = 12  # numbers in a repr
 
@@ -102,6 +104,9 @@ def optimise(
         LinkworkError: numbers that cannot be free, bounds that leave out the robot as it is; poses
             out of its reach; no optimum found, and why; an optimum that lies beyond a singular
             pose, so that the robot does not get there from its home.
+
+    Warns:
+        ModelWarning: a measure along a path that is worse between its samples, by more than 1 %.
     """
     checks.needed(robot, Robot)
     if subject_to is not None and not isinstance(subject_to, Mapping):
@@ -130,6 +135,8 @@ def optimise(
     after = {measure: told(measure, better) for measure in (objective, *bounds)}
     level = -found.value * objective.better * scale_of(before[objective])
     refuse_elsewhere(objective, level, after[objective])
+    for measure, value in after.items():
+        warn_of_between(measure, better, value)
     at_ends = np.minimum(parts, 1 - parts) < AT_BOUND
     return OptimalDesign(
         better,
@@ -204,6 +211,20 @@ def told(measure: Measure, robot: Robot) -> float:
             f"what IPOPT finds is no design: the robot with these numbers refuses ({error}); give "
             "narrower bounds"
         ) from None
+
+
+def warn_of_between(measure: Measure, robot: Robot, value: float) -> None:
+    """Warn where a measure is worse between its samples."""
+    if (finer := measure.finer()) is measure:
+        return
+    between = told(finer, robot)
+    if abs(between - value) > PASSED * abs(value):
+        name = type(measure).__name__
+        warnings.warn(
+            f"between its samples {name} is {between:.6g}, not {value:.6g}; give more samples",
+            ModelWarning,
+            stacklevel=4,
+        )
 
 
 def refuse_elsewhere(measure: Measure, level: float, after: float) -> None:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import pi
 from typing import ClassVar
 
@@ -39,7 +39,7 @@ from linkwork.model.state import Motion
 from linkwork.paths import Path
 from linkwork.robot import Robot, State
 
-FEWEST = 3  # samples of a path
+FEWEST, FINER = 3, 10  # samples of a path; parts of each step at which it is looked at again
 LOOSE = 1e-3  # frequency [Hz] that rounding may make of none
 
 
@@ -77,6 +77,10 @@ class Measure(ABC):
         robot: which is judged.
         """
         return ""
+
+    def finer(self) -> Measure:
+        """Return the measure that looks between its own points as well, where these are samples."""
+        return self
 
     @property
     def better(self) -> float:
@@ -138,6 +142,9 @@ class PeakForce(Measure):
 
     def unit(self, robot: Robot) -> str:
         return "N" if robot.unit(robot.actuators[0]) == "m" else "N m"
+
+    def finer(self) -> PeakForce:
+        return replace(self, samples=FINER * (self.samples - 1) + 1)
 
     def motion(self, robot: Robot) -> Motion:
         """Return the motion along the path.
