@@ -269,6 +269,31 @@ def test_lengths_of_belts_are_readings():
     assert found.values["belt_1.ratios.x"] == pytest.approx(1.02, abs=1e-12)
 
 
+def test_noise_of_some_is_not_all_noise(rpr):
+    """What is left out, an encoder of those by name or a plate's rotation beside its position, is
+    of the size of what is stated; it counted as one of 1 rad, which nobody had stated."""
+    robot, near = rpr
+    states, real = measured(robot, near, errors(robot, 1e-3, 2))
+    joints, length = ("pivot_1", "pivot_2", "pivot_3"), robot.equations.tree.length
+    for noise, weighed in ((dict.fromkeys(joints, 1e-4), True), ({"pivot_1": 1e-4}, False)):
+        told = analysis.observability(
+            robot, states, measure="nothing", joints=joints, encoders=noise
+        )
+        assert told.weighed == weighed and told.index > 0
+        np.testing.assert_allclose(model_of(robot, (), joints, encoders=noise).scales, 1e-4)
+    pose = robot.with_parameters(errors(robot, 1e-3, 2)).tool_pose(real)
+    data = (
+        {"position": 1e-4 * length},
+        {"rotation": 1e-4},
+        {"position": 1e-4 * length, "rotation": 1e-4},
+    )
+    found = [
+        analysis.calibrate(robot, analysis.MeasuredPoses(states, pose, **each)) for each in data
+    ]
+    assert [each.weighed for each in found] == [False, False, True]
+    np.testing.assert_allclose([each.sizes for each in found], np.tile(found[2].sizes, (3, 1)))
+
+
 def test_noise_that_is_not_stated_is_estimated(rpr):
     robot, near = rpr
     truth = errors(robot, 1e-3, 4)

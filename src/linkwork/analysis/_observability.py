@@ -152,7 +152,7 @@ def own_sizes(robot: Robot) -> np.ndarray:
     )
 
 
-def observed(model: PoseModel, slopes: np.ndarray, poses: int, weighed: bool) -> Observability:
+def observed(model: PoseModel, slopes: np.ndarray, poses: int) -> Observability:
     """Return which combinations are seen by stacked derivatives (rows, np) of a model; what moves
     by no more than rounding of its own unit is not."""
     robot, sizes = model.robot, own_sizes(model.robot)
@@ -160,7 +160,7 @@ def observed(model: PoseModel, slopes: np.ndarray, poses: int, weighed: bool) ->
     rows = np.concatenate([J, np.zeros((max(0, sizes.size - len(J)), sizes.size))])
     _, singular, Vt = np.linalg.svd(rows, full_matrices=False)
     singular = np.where(singular > UNSEEN * model.reach, singular, 0.0)
-    return Observability(tuple(robot.parameters), sizes, singular, Vt.T, poses, weighed)
+    return Observability(tuple(robot.parameters), sizes, singular, Vt.T, poses, model.weighed)
 
 
 def planned(
@@ -210,11 +210,7 @@ def observability(
     needed(robot, Robot)
     noise = {"position": position, "rotation": rotation, "encoders": encoders}
     model, slopes = planned(robot, states, measure, joints, noise)
-    weighed = (measure == "nothing" or position is not None) and (
-        measure != "pose" or rotation is not None
-    )
-    stated = weighed and (not joints or encoders is not None)
-    return observed(model, slopes.reshape(-1, slopes.shape[-1]), len(slopes), stated)
+    return observed(model, slopes.reshape(-1, slopes.shape[-1]), len(slopes))
 
 
 @announced("choosing poses")
@@ -255,7 +251,7 @@ def best_poses(
     many, rows, _ = slopes.shape
     if not isinstance(count, int) or isinstance(count, bool) or not 0 < count <= many:
         raise LinkworkError(f"count is {shown(count)}; give a number from 1 to {many}")
-    whole = observed(model, slopes.reshape(-1, slopes.shape[-1]), many, False)
+    whole = observed(model, slopes.reshape(-1, slopes.shape[-1]), many)
     if not whole.rank:
         raise LinkworkError("these poses tell nothing of the free numbers; free others")
     if count * rows < whole.rank:
@@ -272,7 +268,7 @@ def best_poses(
     random = np.random.default_rng(seed)
     ends = [exchanged(blocks, random.permutation(many)[:count]) for _ in range(max(starts, 1))]
     best = max(ends, key=lambda chosen: volume(blocks[chosen].sum(axis=0)))
-    rank = observed(model, slopes[best].reshape(count * rows, -1), count, False).rank
+    rank = observed(model, slopes[best].reshape(count * rows, -1), count).rank
     if rank < whole.rank:
         raise LinkworkError(
             f"the best choice of {amount(count, 'pose')} tells {rank} of the "

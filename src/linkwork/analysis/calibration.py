@@ -184,7 +184,7 @@ def calibrate(robot: Robot, measured: MeasuredPoses) -> Calibration:
         warn_of_units(robot, target, model.evaluated(q, robot.p)["x"][:, :3, 0])
     fit = Fit(model, readings, target, joints, q)
     # The combinations that are seen from where it begins.
-    first = observed(model, fit.slopes(robot.p), len(q), measured.weighed)
+    first = observed(model, fit.slopes(robot.p), len(q))
     count = q.shape[0] * model.scales.size
     if not first.rank:
         raise LinkworkError("what was measured tells nothing of the free numbers; free others")
@@ -215,9 +215,8 @@ def calibrate(robot: Robot, measured: MeasuredPoses) -> Calibration:
     other = robot.with_parameters(dict(zip(robot.parameters, map(float, p), strict=True)))
     remains = fit.remains(p).reshape(len(q), -1)
     seen, left = at_end(first, fit.slopes(p))
-    of_tool = [f"tool.{'rotation' if row < 3 else 'position'}" for row in model.rows]
-    shares = NoiseShares((*of_tool, *model.joints), remains, left)
-    return Calibration(other, seen, robot.p.copy(), remains, measured.weighed, model.scales, shares)
+    shares = NoiseShares(model.kinds, remains, left)
+    return Calibration(other, seen, robot.p.copy(), remains, model.weighed, model.scales, shares)
 
 
 def at_end(first: Observability, slopes: np.ndarray) -> tuple[Observability, np.ndarray]:

@@ -53,8 +53,9 @@ class MeasuredPoses:
         positions alone) [m, rad]; None where it was not measured
     joints: readings (N) of further joints by coordinate [m, rad]; whole turns do not matter
     position, rotation: standard deviation of each measured component of the tool's position [m] and
-        rotation [rad]; encoders: of the further joints' readings, one or by name [m, rad]; where
-        one is left out rows are weighed as if the robot's own length and 1 rad were as uncertain
+        rotation [rad]; encoders: of the further joints' readings, one or by name [m, rad]; what
+        is left out is of one size in the robot's own units, its length and 1 rad, that of what is
+        stated
     """
 
     states: State
@@ -68,28 +69,22 @@ class MeasuredPoses:
         told = ", ".join(("tool",) * (self.tool is not None) + (*self.joints,))
         return f"MeasuredPoses({self.states}; measured: {told or 'nothing'})"
 
-    @property
-    def weighed(self) -> bool:
-        """Whether all noise that matters is stated."""
-        whole = self.tool is None or (
-            self.position is not None
-            and (np.asarray(self.tool).shape[-1] == 3 or self.rotation is not None)
-        )
-        return whole and (not self.joints or self.encoders is not None)
-
 
 @dataclass(frozen=True, eq=False)
 class PoseModel:
     """Foretell what is measured, for a robot with free numbers.
 
     rows: which of the tool's [rotation; position] (6) are measured; joints: further coordinates
-    scales: standard deviation of each row of what is measured (rows)
+    kinds: "tool.rotation", "tool.position" or the joint of each row of what is measured (rows);
+        scales: its standard deviation (rows); weighed: whether the noise of all is stated
     """
 
     robot: Robot
     rows: tuple[int, ...]
     joints: tuple[str, ...]
+    kinds: tuple[str, ...]
     scales: np.ndarray
+    weighed: bool
 
     @property
     def kernel(self) -> Kernel:
@@ -286,23 +281,23 @@ def model_of(
     for name in joints:
         if name in robot.actuators:
             raise LinkworkError(f"{name!r} is an actuator, whose readings the states hold")
-    # Noise of each row, in its unit.
+    # The noise that is stated; what is not is of one size in own units, that of what is.
     length = robot.equations.tree.length
     own = {name: length if robot.unit(name) == "m" else 1.0 for name in joints}
     if isinstance(encoders, Mapping):
         known(encoders, joints, "measured joint")
-        own |= encoders
-    elif encoders is not None:
-        own = dict.fromkeys(joints, encoders)
-    for value, name in (
-        (position, "position"),
-        (rotation, "rotation"),
-        *((v, n) for n, v in own.items()),
-    ):
-        if value is not None:
-            positive(value, f"the deviation of {name}")
-    of_tool = [(rotation or 1.0) if row < 3 else (position or length) for row in rows]
-    return PoseModel(robot, rows, joints, np.array([*of_tool, *own.values()], float))
+    stated = encoders if isinstance(encoders, Mapping) else dict.fromkeys(joints, encoders)
+    given = {"tool.position": position, "tool.rotation": rotation, **stated}
+    units = {"tool.position": length, "tool.rotation": 1.0, **own}
+    given = {
+        name: positive(value, f"the deviation of {name.removeprefix('tool.')}")
+        for name, value in given.items()
+        if value is not None
+    }
+    size = float(np.exp(np.mean([np.log(v / units[n]) for n, v in given.items()] or [0.0])))
+    kinds = [f"tool.{'rotation' if row < 3 else 'position'}" for row in rows] + [*joints]
+    scales = np.array([given.get(kind, size * units[kind]) for kind in kinds], float)
+    return PoseModel(robot, rows, joints, tuple(kinds), scales, {*kinds} <= given.keys())
 
 
 def measured_rows(robot: Robot, tool: np.ndarray | None) -> tuple[int, ...]:
