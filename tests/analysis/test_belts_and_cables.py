@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import minimize
 
 import linkwork as lw
+from linkwork import design, motions
 from linkwork.analysis import (
     along,
     assembly_modes,
@@ -247,6 +248,19 @@ def test_a_hung_plate_is_held_and_led_by_taut_cables():
     assert isinstance(led, lw.Sampled) and led.values.max() <= -2.0 + 1e-9
     wanted = robot.forward_dynamics(motion.state, led.values)
     np.testing.assert_allclose(wanted, motion.accelerations, atol=1e-9)
+
+
+def test_motions_that_push_at_cables_say_so():
+    """A plate that is driven downwards faster than it falls, by what may push from above."""
+    robot = hung(4)
+    limits, said = motions.ActuatorLimits(force=60.0), r"the cable 'cable_\d' pushes with up to"
+    with pytest.warns(lw.errors.ModelWarning, match=said) as told:
+        motions.fastest(robot, lw.paths.line([0, 0.2, 0], [0, -0.2, 0.0]), limits, points=51)
+    assert told[0].filename == __file__
+    end = robot.assemble(tool=[0, -0.2, 0])
+    with pytest.warns(lw.errors.ModelWarning, match=said) as told:
+        design.optimal_motion(robot, robot.home, end, limits, intervals=6)
+    assert told[0].filename == __file__
 
 
 def test_tensions_that_nothing_gives_are_refused():

@@ -25,7 +25,9 @@ from linkwork.design.motion_search import MotionSearch
 from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.mechanism.limits import undriven_speeds
 from linkwork.model.state import State
-from linkwork.motions import ActuatorLimits, AxisLimits, TimedPath, fastest, point_to_point
+from linkwork.motions import ActuatorLimits, AxisLimits, TimedPath, point_to_point
+from linkwork.motions._fastest import least_time
+from linkwork.motions.pushed_cables import warn_of_pushing
 from linkwork.patience import announced
 from linkwork.robot import Robot
 from linkwork.simulation import Run, Sampled
@@ -123,7 +125,7 @@ def optimal_motion(
 
     Warns:
         ModelWarning: a motion that is not settled; a limit that is passed by more than 1 % between
-            the points of the mesh.
+            the points of the mesh; driven cables that push, for limits hold in both directions.
     """
     # One robot, two states in its own rates, and a cost.
     checks.needed(robot, Robot)
@@ -173,6 +175,7 @@ def optimal_motion(
             ModelWarning,
             stacklevel=3,
         )
+    warn_of_pushing(robot, forces.values, 3)
     return OptimalMotion(
         T,
         T if minimise == "time" else float((own.u**2).sum() * T / count),
@@ -197,7 +200,7 @@ def straight(robot: Robot, ends: tuple[State, State], limits: ActuatorLimits) ->
     first, last = ({name: pair[k] for name, pair in places.items()} for k in (0, 1))
     path = point_to_point(first, last, AxisLimits(speed=1.0), law="quintic")
     try:
-        return fastest(robot, path, limits)
+        return least_time(robot, path, limits)
     except LinkworkError:
         way = np.array([last[name] - first[name] for name in robot.independent])
         M, S = robot.mass_matrix(ends[0]), robot.actuation(ends[0])

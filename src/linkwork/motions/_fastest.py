@@ -29,6 +29,7 @@ from linkwork.motions._follow import follow, require_vectors
 from linkwork.motions.driven_way import BETWEEN, CORNER, DrivenWay, refuse_leap
 from linkwork.motions.jerk_limited import gentlest
 from linkwork.motions.laws import Limit
+from linkwork.motions.pushed_cables import warn_of_pushing_along
 from linkwork.motions.reachability import Constraints, NoLawError, fastest_squares, law_of_squares
 from linkwork.motions.reversals import reversals
 from linkwork.motions.timed_paths import TimedPath, sample_count
@@ -141,10 +142,26 @@ def fastest(
             place on it that the actuators cannot keep, by its s; a path on which nothing limits the
             speed; actuators that do not drive all freedoms; joints with bearings.
 
+    Warns:
+        ModelWarning: driven cables that push, for limits hold in both directions.
+
     Source: Pham & Pham, IEEE Trans. Robotics 34 (2018) 645; Verscheure et al., IEEE Trans.
     Automatic Control 54 (2009) 2318; of the jerk, Constantinescu & Croft, J. Robotic Systems 17
     (2000) 233.
     """
+    found = least_time(robot, path, limits, points, guess)
+    warn_of_pushing_along(robot, found, int(points), guess)
+    return found
+
+
+def least_time(
+    robot: Robot,
+    path: Path | TimedPath,
+    limits: ActuatorLimits,
+    points: int = 401,
+    guess: State | None = None,
+) -> TimedPath:
+    """Return what `fastest` does, without its warnings."""
     checks.needed(robot, Robot)
     if not isinstance(limits, ActuatorLimits):
         raise LinkworkError(
