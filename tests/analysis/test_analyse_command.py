@@ -163,6 +163,8 @@ def test_numbers_are_found_from_a_table_and_written(tmp_path):
     assert lw.Mechanism.load(out).joints["pivot_2"].frames[0].position[0] == pytest.approx(off)
     told = call("analyse", *words, "--json")
     assert json.loads(told.stdout)["values"][name] == pytest.approx(off)
+    assert {*json.loads(told.stdout)["noise"]} == {"tool.position", "tool.rotation"}
+    assert "(tool.position)" in printed(*words, "--rotation", "1e-4")
     # Columns that do not make poses, lines that have none, files that exist.
     assert "found.yaml exists" in refused("analyse", *words, "--out", out)
     file.write_text("\n".join(line.split(",", 1)[1] for line in lines))

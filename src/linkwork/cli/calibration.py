@@ -79,7 +79,9 @@ def calibrate(
     out.print(table(("found", "+-", "described", "unit", "number"), rows, numbers=(0, 1, 2)))
     out.print()
     fits = f"{found.chi_square:.4g} of {found.freedoms} degrees of freedom"
-    rest = [("not seen", summed(each)) for each in found.unseen]
+    noise = ", ".join(f"{size:.2g} ({kind})" for kind, size in found.noise.items())
+    rest = [] if found.weighed else [("noise", noise)]
+    rest += [("not seen", summed(each)) for each in found.unseen]
     out.print(facts([("chi-square" if found.weighed else "remains", fits), *rest]))
     if asked.out is not None:
         out.print(f"{asked.out} written", soft_wrap=True)
@@ -129,4 +131,5 @@ def told(found: Calibration) -> dict[str, Any]:
         "chi_square": found.chi_square,
         "freedoms": found.freedoms,
         "weighed": found.weighed,
+        "noise": found.noise,
     }
