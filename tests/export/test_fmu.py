@@ -13,6 +13,7 @@ import linkwork as lw
 from tests.catalogue import WHOLE, built
 from tests.export import fmus
 from tests.export.fmus import Instance
+from tests.export.test_motions import rubbed
 from tests.robot.test_gear_powers import lift
 from tests.robot.test_reactions import MIXED
 
@@ -125,6 +126,24 @@ def test_charts_change_by_events(version, folder):
             assert one.get("closure_error")[0] < 1e-12
             assert worst_tangent(one, 1e-7) < 1e-5
     assert changes >= 5
+
+
+def test_states_whose_quaternions_are_no_longer_unit_ones_have_a_motion(folder):
+    """Solvers step off them to find their own Jacobian: in the robot's own rates, and in others."""
+    mechanism = rubbed().mechanism
+    for robot in (lw.Robot(mechanism), lw.Robot(mechanism, independent=["slide"])):
+        one = Instance(fmus.built(export(robot), folder))
+        one.go(**{f"start_rate__{robot.independent[0]}": 3.0})
+        place = one.state_names.index("q.ball.qw")
+        for k in range(600):
+            x = one.states()
+            if k % 40 == 0:
+                expected = one.rates()
+                for longer in (1e-9, 1e-7, -1e-6):
+                    one.put(x + longer * np.eye(len(x))[place])
+                    np.testing.assert_allclose(one.rates(), expected, rtol=1e-3, atol=1e-3)
+                one.put(x)
+            one.put(x + 1e-4 * one.rates())
 
 
 def worst_tangent(one: Instance, h: float = 1e-6) -> float:

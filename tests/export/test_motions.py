@@ -76,6 +76,25 @@ def test_projection_closes_loops_with_the_independent_coordinates_as_they_are(tm
     np.testing.assert_array_equal(found[:3], q[:3])
 
 
+def rubbed() -> lw.Robot:
+    """Return a slider-crank in space whose ball rubs, so that its quaternion is in the tree."""
+    bare = lw.robots.spatial_slider_crank()
+    rubbing = {"friction": {"turn": lw.Friction(viscous=1e-3)}}
+    ball = bare.joints["ball"].model_copy(update=rubbing)
+    return lw.Robot(bare.model_copy(update={"joints": {**bare.joints, "ball": ball}}))
+
+
+@pytest.mark.parametrize("longer", [1e-9, 1e-6, -1e-4])
+def test_projection_closes_loops_from_quaternions_that_are_too_long(longer, tmp_path):
+    """Loops that are closed for these are open as soon as their lengths are 1."""
+    robot = rubbed()
+    own, q = library(robot, tmp_path, ["project"]), robot.home.q.copy()
+    q[robot.equations.tree.coordinates.index("ball.qw")] += longer
+    status, [found, gap] = own("project", q)
+    assert status == OK and gap[0] < 1e-13
+    np.testing.assert_allclose(found, robot.home.q, atol=1e-12)
+
+
 def run(own: Library, robot: Robot, state: lw.State, u, dt: float, steps: int, *tolerances):
     """Return the state after some steps."""
     status, [moving] = own("start", state.q, state.rates)

@@ -7,6 +7,7 @@ are row by row, as arrays of C are.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from math import prod
 
 import casadi as ca
@@ -111,16 +112,17 @@ def require_driven(robot: Robot, equations: Equations) -> None:
 
 def closing(robot: Robot) -> ca.Function:
     """Return q -> q after a Newton step of the dependent coordinates, the gap before it, the length
-    of the step in own units, and the weakest determinant of the elimination, relative."""
+    of the step in own units, and the weakest determinant of the elimination, relative: from
+    quaternions of length 1 on, for which phi is to be closed."""
     equations = robot.equations
     tree, rows = equations.tree, equations.rows
     step, pivots = solve(equations.chart, rows.Phi, -rows.phi)
     w = equations.scatter(step, SX.zeros(equations.mobility, 1))
     outputs = {
         "next": unit(tree, tree.q + tree.derivatives(w)),
-        "gap": conditions(equations),
-        "length": largest(w * ca.DM(1 / tree.rate_units)),
-        "pivot": weakest_stage(equations.chart, pivots),
+        "gap": conditions(equations, partial(unit, tree)),
+        "length": unit(tree, largest(w * ca.DM(1 / tree.rate_units))),
+        "pivot": unit(tree, weakest_stage(equations.chart, pivots)),
     }
     return functions.function("closing", equations, outputs)
 
@@ -148,21 +150,23 @@ def approaching(robot: Robot) -> ca.Function:
     length = largest(w * ca.DM(1 / tree.rate_units))
     q = tree.q + tree.derivatives(w * (1 / ca.fmax(1, length / LONGEST)))
     heights = np.concatenate([rows.units, asked.units])
+    gap = largest(ca.vertcat(residual * ca.DM(1 / heights), rows.excess))
     outputs = {
         "next": unit(tree, q),
-        "gap": largest(ca.vertcat(residual * ca.DM(1 / heights), rows.excess, *tree.norms())),
-        "length": length,
-        "pivot": weakest_stage(order, pivots),
-        "error": error,
+        "gap": largest(ca.vertcat(unit(tree, gap), *tree.norms())),
+        "length": unit(tree, length),
+        "pivot": unit(tree, weakest_stage(order, pivots)),
+        "error": unit(tree, error),
     }
     return functions.function("approaching", equations, outputs, x=x, left=left)
 
 
-def unit(tree: Tree, q: ca.SX) -> ca.SX:
-    """Return q with its quaternions at length 1."""
+def unit(tree: Tree, found: ca.SX) -> ca.SX:
+    """Return what depends on q for its quaternions at length 1."""
+    q = SX(tree.q)
     for places, _ in tree.quaternions:
         q[list(places)] /= ca.norm_2(q[list(places)])
-    return q
+    return ca.substitute(found, tree.q, q) if tree.quaternions else found
 
 
 def held_of(asked: ToolAsked, x: ca.SX) -> ca.SX:

@@ -197,13 +197,17 @@ DRIVEN    lw_real *dz = dy + LW_Q + LW_V;
     return LW_OK;
 }
 
-/* Close the loops as lw_settle does, with the chart's independent coordinates as they are. */
+/* Close the loops as lw_settle does, with the chart's independent coordinates as they are, from
+   quaternions a Newton step nearer to length 1 on. */
 static lw_real lw_other_settle(const lw_chart *chart, lw_real *q TAKING_P)
 {
     lw_real at[LW_Q], next[LW_Q], phi[LW_PHI], Phi[LW_PHI * LW_W], s[LW_W], gap[1];
     lw_real A[LW_PHI][LW_W + 1], least = (lw_real)INFINITY;
     int rows[LW_W], columns[LW_W], i, k;
-    lw_copy(LW_Q, q, at);
+    for (i = 0; i < LW_W; ++i) {
+        s[i] = 0;
+    }
+    lw_free_moved_code(q, s WITH_P, at);
     for (k = 0; k < LW_MOST_CORRECTIONS; ++k) {
         lw_free_closure_code(at WITH_P, phi, Phi, gap);
         if (!(gap[0] < least)) {
