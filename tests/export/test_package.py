@@ -57,6 +57,13 @@ def test_the_self_test_finds_a_wrong_number(tmp_path):
         run([program])
 
 
+@pytest.mark.parametrize("flag", ["-ffast-math", "-ffinite-math-only"])
+def test_mathematics_without_rules_is_refused(flag, tmp_path):
+    sources = written(tmp_path, functions=["motion"])
+    with pytest.raises(AssertionError, match=r"compile without -ffast-math"):
+        run([*compiler("gcc"), flag, "-c", sources[1], "-o", tmp_path / "one.o"])
+
+
 def test_cmake_and_pkg_config_find_it(tmp_path):
     if not (shutil.which("cmake") and shutil.which("pkg-config")):
         pytest.skip("cmake or pkg-config is not installed")

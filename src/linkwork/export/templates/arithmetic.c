@@ -1,3 +1,9 @@
+/* Without the rules of IEEE 754 what is not finite is not told, and sines are wrong. */
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST) \
+    || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
+#error "compile without -ffast-math, /fp:fast and the like: numbers would be wrong"
+#endif
+
 /* Products and sums are rounded once, as in the library that this was written by, where the
    processor does so as quickly. With LW_SAME_NUMBERS they are everywhere, if slowly. */
 #if defined(LW_SAME_NUMBERS) || defined(FP_FAST_FMA) || defined(__FMA__) \
