@@ -10,6 +10,8 @@ from linkwork.control import LQR
 from linkwork.model import linear
 from linkwork.simulation import RK4, RODAS, SymplecticEuler, methods
 
+from tests.catalogue import built
+
 
 @pytest.fixture(scope="module")
 def robot():
@@ -172,6 +174,14 @@ def test_names_with_commas_and_equals_signs_are_read_off_runs(tmp_path):
         assert rest.final[joint] == pytest.approx(0.5)
     with pytest.raises(lw.LinkworkError, match="= 4, which is 2 here and not free; resume it by"):
         lw.Robot(block).resume(run, [1.0], duration=1.0)
+
+
+def test_events_that_never_happen_stay_coordinates_in_files(tmp_path):
+    robot = built("double_pendulum")
+    run = robot.simulate(robot.home, duration=0.2, events=[lambda t, state: 1.0 + t])
+    loaded = lw.Run.load(run.save(tmp_path / "run.nc"))
+    assert set(loaded.dataset.coords) == set(run.dataset.coords) >= {"event_time"}
+    assert loaded.coords["event_time"].attrs == run.coords["event_time"].attrs
 
 
 def test_a_run_without_actuators_is_saved_loaded_and_resumed(tmp_path):

@@ -29,7 +29,7 @@ def write_netcdf(path: Path, dataset: xarray.Dataset, told: Mapping[str, Any]) -
     """Write a dataset as NetCDF (version 3), with attributes beside its own."""
     told = dict(told)
     empty = {
-        str(name): (variable.dims, variable.attrs)
+        str(name): (variable.dims, variable.attrs, name in dataset.coords)
         for name, variable in dataset.variables.items()
         if not variable.size
     }
@@ -63,9 +63,9 @@ def read_netcdf(path: Path) -> tuple[Arrays, Arrays, dict[str, Any]]:
     # What it holds, and what NetCDF 3 cannot: arrays without elements.
     attrs = dict(dataset.attrs)
     variables, coords = _variables(dataset.data_vars), _variables(dataset.coords)
-    for name, (dims, own) in json.loads(attrs.pop(EMPTY, "{}")).items():
+    for name, (dims, own, *along) in json.loads(attrs.pop(EMPTY, "{}")).items():
         shape, labels = [dataset.sizes.get(dim, 0) for dim in dims], name in dims
-        (coords if labels else variables)[name] = Variable(
+        (coords if labels or any(along) else variables)[name] = Variable(
             tuple(dims), np.empty(shape, str if labels else float), own
         )
     return variables, coords, attrs
