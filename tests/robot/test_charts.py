@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.control import Sampler
 from linkwork.equations.reference import unit
 from linkwork.robots import bricard, five_bar, four_bar, n_four_bar, prr3
 
@@ -345,6 +346,16 @@ def test_a_run_stops_at_a_bifurcation_and_says_so(ladder):
     cranks = positions(run)[:, :3]
     assert 0 < cranks[-1, 0] < 1e-3
     close(cranks, cranks[:, :1] * np.ones(3), 1e-10)
+
+
+def test_no_way_over_a_bifurcation_is_sought_while_a_controller_is_sampled(ladder):
+    still = Sampler(lambda t, state: {}, rate=100.0)
+    start, options = ladder.home.with_rates([-1.0]), {"duration": 10.0, **TIGHT}
+    run = ladder.simulate(start, still, on_singular="step_over", **options)
+    assert run.status is lw.Status.SINGULAR
+    assert run.message.endswith(
+        "no way over it is sought while a controller is called at a fixed rate."
+    )
 
 
 def test_stepping_over_bifurcations_keeps_the_smooth_branch(ladder):

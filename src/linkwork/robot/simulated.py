@@ -84,7 +84,8 @@ class Simulated(Dynamics):
             max_step: largest step [s].
             max_steps: most steps to take.
             on_singular: "stop" at a bifurcation, or "step_over": go on along the smooth branch,
-                where there is one; the run's `singular_times` tell when.
+                where there is one, and no controller is sampled; the run's `singular_times` tell
+                when.
 
         Returns:
             A `Run`: its `status` and `message` say how it ended; `dataset` holds what was computed

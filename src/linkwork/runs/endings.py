@@ -37,6 +37,8 @@ TOLD = (
 )
 WOUND = ("final_windings",)
 ERROR = ("error_estimate", "error_estimate_until")
+WAY = "on_singular='step_over' continues on a smooth branch where there is one"
+NO_WAY = "no way over it is sought while a controller is called at a fixed rate"
 
 
 def asked(robot: Model, system: System, settings: Settings) -> dict[str, object]:
@@ -182,8 +184,7 @@ def ended(system: System, segment: Segment) -> tuple[Status, str]:
     if last.status is Status.SINGULAR:
         return last.status, last.message + (
             " No choice of independent rates determines the motion there: branches of motion "
-            "meet (a bifurcation), or it ends; on_singular='step_over' continues on a smooth "
-            "branch where there is one."
+            f"meet (a bifurcation), or it ends; {NO_WAY if system.sampler else WAY}."
         )
     if last.status is Status.EVENT:
         name = next(
