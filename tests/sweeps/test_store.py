@@ -16,11 +16,12 @@ import pytest
 import xarray
 import zarr
 
+import linkwork as lw
 from linkwork.sweeps import StudyError, runner, store, summary, sweep, write
 from linkwork.sweeps.chunk import compute
 from linkwork.sweeps.report import figure
 
-from tests.sweeps.carts import FILE, file, finished, results, study
+from tests.sweeps.carts import CART, FILE, file, finished, results, study
 
 
 def counted(monkeypatch) -> list[int]:
@@ -96,6 +97,25 @@ def test_a_store_of_another_study_is_refused(tmp_path):
     ):
         sweep(study(duration=0.6), tmp_path)
     assert results(tmp_path).identical(before)
+
+
+def test_what_is_another_study_of_the_same_name_is_told(tmp_path):
+    sweep(study(), tmp_path)
+    heavier = CART.model_copy(update={"bodies": {"cart": lw.Body(mass=3.0)}})
+    with pytest.raises(StudyError, match=r"\(study, with another robot, duration\); give another"):
+        sweep(study(robot=heavier, duration=0.6), tmp_path)
+
+
+def test_arrays_of_a_store_without_its_study_are_named(tmp_path):
+    sweep(study(), tmp_path)
+    place = tmp_path / "results.zarr"
+    expected = results(tmp_path)["end"].values
+    (place / "zarr.json").write_text("{")
+    with pytest.raises(
+        StudyError, match=r"is lost, zarr\.open_array reads .*, end, .* in it; give"
+    ):
+        sweep(study(), tmp_path)
+    np.testing.assert_array_equal(zarr.open_array(place / "end", mode="r")[:], expected)
 
 
 @pytest.mark.parametrize("text", ["nonsense", '{"name": 3}', "[]", {"a": 1}, 7, None])

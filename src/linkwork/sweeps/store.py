@@ -57,8 +57,8 @@ class Store:
         group, arrays = opened(path, bench)
         if (text := group.attrs.get(STUDY)) != bench.study.text:
             raise StudyError(
-                f"{path} holds the results of another study ({other(text)}); give another "
-                "folder, or remove it"
+                f"{path} holds the results of another study ({other(text, bench.study)}); give "
+                "another folder, or remove it"
             )
         wanted = {
             name: bench.shape(field, bench.study.members) for name, field in bench.fields.items()
@@ -150,9 +150,17 @@ def opened(path: Path, bench: Bench) -> tuple[Any, dict[str, Any]]:
             return group, {name: group[name] for name in (*bench.fields, CHECKSUM) if name in group}
     except Exception as error:  # whatever a decoder says of a file that is damaged
         raise StudyError(
-            f"{path} is no store of a study that can be read ({reason(error)}); remove it, "
-            "or give another folder"
+            f"{path} is no store of a study that can be read ({reason(error)}); {left(path)}give "
+            "another folder, or remove it"
         ) from None
+
+
+def left(path: Path) -> str:
+    """Say what can still be read of a store that does not tell its study any more."""
+    names = sorted(each.parent.name for each in path.glob(f"*/{DESCRIPTION}"))
+    if not names:
+        return ""
+    return f"whose results they are is lost, zarr.open_array reads {', '.join(names)} in it; "
 
 
 def lay_out(place: Any, bench: Bench) -> None:
@@ -239,13 +247,18 @@ def name_axes(path: Path, group: Any, bench: Bench) -> None:
                 group[axis][:] = values
 
 
-def other(text: Any) -> str:
-    """Return the name of the study that a store says it is of; what is no study is another
-    program's."""
+def other(text: Any, study: Study) -> str:
+    """Return the name of the study that a store says it is of, and where that is the same what is
+    not; what is no study is another program's."""
     try:
-        return Study.model_validate_json(text).name
+        found = Study.model_validate_json(text)
     except Exception:  # whatever is there in its place
         return "another program's, or of another version of this one"
+    differing = [
+        name for name in Study.model_fields if getattr(found, name) != getattr(study, name)
+    ]
+    told = f", with another {', '.join(differing)}"
+    return found.name + told * (bool(differing) and "name" not in differing)
 
 
 def read_or_none(read: Callable[[], Any]) -> Any:
