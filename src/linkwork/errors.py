@@ -11,5 +11,5 @@ class LinkworkError(ValueError):
 class ModelWarning(UserWarning):
     """Tell how a mechanism moves otherwise than the model file that it was read from says, that its
     home is beside a reference at which branches meet, that joints lead beyond a singular pose, that
-    a run begins where a cable leaps, or that a motion passes where its actuators do not hold
-    it."""
+    a run begins where a cable leaps, that steps of a stepper are too long where it begins, or that
+    a motion passes where its actuators do not hold it."""

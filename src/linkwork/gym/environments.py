@@ -21,6 +21,7 @@ from linkwork.model.state import State
 from linkwork.runs.members import allowed
 from linkwork.simulation import Status
 from linkwork.simulation.compiled import entry_of
+from linkwork.stepping.long_steps import tell_long_step
 from linkwork.stepping.native_readings import ReadingTables
 from linkwork.stepping.steppers import Steppers
 
@@ -97,6 +98,7 @@ class Environments(VectorEnv):
         # The robots, and as many as there are starts, where episodes begin.
         starts = starts_of(process)
         self._starts = steppers_of(process, starts, 1)
+        tell_long_step(self._starts.dt, self._starts.longest_step)
         self._robots = steppers_of(process, stacked(starts.at(0), self.num_envs), threads)
         self._places = places(process, self._robots)
         self._drawn = np.array([*process.draws.values(), (0.0, 1.0)], float)  # bounds

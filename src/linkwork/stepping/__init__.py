@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from linkwork.checks import known
 from linkwork.model.state import State
 from linkwork.stepping.errors import StepError
+from linkwork.stepping.long_steps import tell_long_step
 from linkwork.stepping.stepper import Stepper
 
 if TYPE_CHECKING:
@@ -27,11 +28,15 @@ def made(
     """
     if not (isinstance(state, State) and state.batch):
         known(options, named(Stepper), "option of a stepper")
-        return Stepper(robot, state, dt, forces, **options)
+        one = Stepper(robot, state, dt, forces, **options)
+        tell_long_step(one.dt, one.longest_step)
+        return one
     from linkwork.stepping.steppers import Steppers
 
     known(options, named(Steppers), "option of steppers")
-    return Steppers(robot, state, dt, forces, **options)
+    many = Steppers(robot, state, dt, forces, **options)
+    tell_long_step(many.dt, many.longest_step)
+    return many
 
 
 def named(kind: type) -> tuple[str, ...]:

@@ -46,6 +46,7 @@ from linkwork.simulation.integration import TimeSpan
 from linkwork.simulation.variables import Deferred
 from linkwork.stepping.endless import Endless
 from linkwork.stepping.errors import StepError
+from linkwork.stepping.long_steps import LongestStep, longest_step
 from linkwork.stepping.native_run import CELL, NativeRun
 from linkwork.stepping.native_stepping import OK, OPEN, PAUSED, UNCOVERED, UNDEFINED, UNFORCED
 
@@ -225,6 +226,16 @@ class Stepper:
         """The largest |phi(q)| at the present state."""
         closure = self._stand.chart.single("closure_step")
         return closure.flat(self.q, self._robot.p).item(-1)
+
+    @property
+    def longest_step(self) -> LongestStep:
+        """The longest step that is stable where the robot stands: `step` [s], and what bounds it,
+        by `name`, with how quickly it answers, `rate` [1/s]."""
+        if self._settings.integrator.step is None:
+            return LongestStep()
+        chart, control, u = self._stand.chart, self._stand.control, self._system.inputs(self.time)
+        u, p = np.append(u, control.held if control else ()), self._system.p(chart)
+        return longest_step(self._system, chart, self.y, u, p, self._settings.integrator)
 
     @property
     def positions(self) -> np.ndarray:

@@ -36,6 +36,7 @@ from linkwork.stepping.given_to_many import (
     which_of,
 )
 from linkwork.stepping.held_members import OK, HeldMembers
+from linkwork.stepping.long_steps import LongestStep, longest_step
 from linkwork.stepping.native_block import (
     LEFT,
     LIMIT,
@@ -68,6 +69,7 @@ if TYPE_CHECKING:
 
 SINGULAR = int(Status.SINGULAR)
 STEPS = entry_of(steps)
+LOOKED = 16  # members at most of which the longest stable step is found
 
 
 class Steppers(HeldMembers):
@@ -281,6 +283,20 @@ class Steppers(HeldMembers):
         over = np.where(low, numbers[LEFT, :N] - (self._look - numbers[NUMBER, :N]), 0.0)
         numbers[LEFT, :N] -= np.maximum(over, 0.0)
         return np.maximum(over, 0.0)
+
+    @property
+    def longest_step(self) -> LongestStep:
+        """The longest step that is stable where the members stand, of which some are looked at: as
+        of a `Stepper`."""
+        some = np.unique(np.linspace(0, len(self) - 1, LOOKED).astype(int)) if len(self) else ()
+        return min((self._longest_step(i) for i in some), default=LongestStep())
+
+    def _longest_step(self, i: int) -> LongestStep:
+        """Return the longest stable step of a member."""
+        u = self._batch.inputs_at(np.array([i]), self.time[[i]], np.empty((1, 0)))[0]
+        p, y = (np.ascontiguousarray(part[:, i]) for part in (self._herd.p, self._herd.y))
+        chart, method = self.chart(i), self._settings.integrator
+        return longest_step(self._batch.system, chart, y, u, p, method)
 
     def alone(self, index: int) -> Stepper:
         """Return a `Stepper` of the member at an index as it is: its `run` is told in all
