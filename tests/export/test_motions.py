@@ -142,6 +142,20 @@ def test_charts_change_where_the_own_one_is_singular(tmp_path):
         assert kinetic + potential == pytest.approx(energy, rel=close)
 
 
+def test_steps_do_not_pass_over_where_branches_meet(tmp_path):
+    """A platform that falls until its three legs lie in a plane: long steps, which a loose
+    tolerance allows, would come out behind it in other rates."""
+    robot = built("rrs3")
+    own, nothing = library(robot, tmp_path, STEPS), np.zeros(3)
+    ends = robot.simulate(robot.home, duration=0.3)
+    assert ends.status is lw.Status.SINGULAR
+    for name, dt, tolerances in (("step", 0.3, (1e-4, 1e-6)), ("step_rk4", 0.02, ())):
+        status, [moving] = own("start", robot.home.q, robot.home.rates)
+        while status == OK and moving.t < 0.3:
+            status, _ = own(name, nothing, dt, *tolerances, moving)
+        assert status == SINGULAR and ends.time[-1] - dt < moving.t < ends.time[-1]
+
+
 def test_steps_that_cannot_be_made_say_why(tmp_path):
     robot = built("five_bar")
     own, nothing = library(robot, tmp_path, STEPS), np.zeros(2)

@@ -87,7 +87,7 @@ DRIVEN    lw_copy(LW_Z, values + LW_AT_Z, closed->z);
     }
 OTHERWISE    else {
 OTHERWISE        lw_real dy[LW_Y];
-OTHERWISE        status = lw_other_slope(chart, y, GIVEN WITH_P, dy, dw);
+OTHERWISE        status = lw_other_slope(chart, y, GIVEN WITH_P, dy, dw, pivot);
 OTHERWISE        lw_copy(LW_Q, dy, dq);
 OTHERDRIVEN        lw_copy(LW_Z, dy + LW_Q + LW_V, dz);
 OTHERWISE    }

@@ -1,4 +1,4 @@
-/* y' in a chart; pivot: the weakest one of the own chart, 1 in others. */
+/* y' in a chart; pivot: the weakest one of the own chart, its sign in others. */
 static lw_status lw_slope(
     const lw_chart *chart,
     const lw_real *y,
@@ -15,8 +15,7 @@ DRIVEN    lw_join(u, y + LW_Q + LW_V, given);
     }
 OTHERWISE    else {
 OTHERWISE        lw_real dw[LW_W];
-OTHERWISE        pivot[0] = 1;
-OTHERWISE        status = lw_other_slope(chart, y, GIVEN WITH_P, dy, dw);
+OTHERWISE        status = lw_other_slope(chart, y, GIVEN WITH_P, dy, dw, pivot);
 OTHERWISE    }
     if (status == LW_OK && !lw_finite(dy, LW_Y)) {
         status = LW_NOT_FINITE;

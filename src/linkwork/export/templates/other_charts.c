@@ -10,14 +10,28 @@ static void lw_scaled(const lw_real *Phi, const lw_real *last, lw_real A[LW_PHI]
     }
 }
 
+/* Whether numbers of places are out of order by an odd number of exchanges. */
+static int lw_is_odd(const int *places)
+{
+    int odd = 0, i, k;
+    for (i = 0; i < LW_W - LW_V; ++i) {
+        for (k = 0; k < i; ++k) {
+            odd ^= places[k] > places[i];
+        }
+    }
+    return odd;
+}
+
 /* Solve for the dependent rates by Gauss and Jordan's elimination with the strongest pivot each
    time, of the columns that are allowed; return the weakest. In row rows[i] the rate columns[i] is
-   left alone. */
-static lw_real lw_reduce(lw_real A[LW_PHI][LW_W + 1], const int *allowed, int *rows, int *columns)
+   left alone. side: of zero on which the determinant is; 1 where rows are left over. */
+static lw_real lw_reduce_to(
+    lw_real A[LW_PHI][LW_W + 1], const int *allowed, int *rows, int *columns, int *side)
 {
     int taken_rows[LW_PHI], taken_columns[LW_W];
     lw_real weakest = (lw_real)INFINITY;
-    int i, r, k;
+    int negative = 0, i, r, k;
+    *side = 1;
     for (r = 0; r < LW_PHI; ++r) {
         taken_rows[r] = 0;
     }
@@ -42,6 +56,7 @@ static lw_real lw_reduce(lw_real A[LW_PHI][LW_W + 1], const int *allowed, int *r
         weakest = strongest < weakest ? strongest : weakest;
         taken_rows[rows[i]] = taken_columns[columns[i]] = 1;
         inverse = 1 / A[rows[i]][columns[i]];
+        negative ^= inverse < 0;
         for (k = 0; k <= LW_W; ++k) {
             A[rows[i]][k] *= inverse;
         }
@@ -52,7 +67,16 @@ static lw_real lw_reduce(lw_real A[LW_PHI][LW_W + 1], const int *allowed, int *r
             }
         }
     }
+    if (LW_PHI == LW_W - LW_V && (negative ^ lw_is_odd(rows) ^ lw_is_odd(columns))) {
+        *side = -1;
+    }
     return weakest;
+}
+
+static lw_real lw_reduce(lw_real A[LW_PHI][LW_W + 1], const int *allowed, int *rows, int *columns)
+{
+    int side;
+    return lw_reduce_to(A, allowed, rows, columns, &side);
 }
 
 /* Choose the chart that is best at a configuration; tell whether it determines the motion. */
@@ -138,17 +162,19 @@ static int lw_solve(lw_real M[LW_V][LW_V], lw_real *b)
     return 1;
 }
 
-/* y' and w' in a chart that is not the own one: L' H L v' = L' (f - H b), w' = L v' + b. */
+/* y' and w' in a chart that is not the own one: L' H L v' = L' (f - H b), w' = L v' + b; pivot: of
+   one sign on either side of poses where it is singular. */
 static lw_status lw_other_slope(
     const lw_chart *chart,
     const lw_real *y,
     const lw_real *u TAKING_P,
     lw_real *dy,
-    lw_real *dw)
+    lw_real *dw,
+    lw_real *pivot)
 {
     lw_real phi[LW_PHI], Phi[LW_PHI * LW_W], gap[1], gamma[LW_PHI], A[LW_PHI][LW_W + 1];
     lw_real L[LW_W][LW_V], w[LW_W], H[LW_W * LW_W], f[LW_W], b[LW_W], M[LW_V][LW_V];
-    int rows[LW_W], columns[LW_W], i, j, k, m;
+    int rows[LW_W], columns[LW_W], side, i, j, k, m;
 DRIVEN    lw_real *dz = dy + LW_Q + LW_V;
     lw_free_closure_code(y WITH_P, phi, Phi, gap);
     if (!lw_other_map(chart, Phi, L)) {
@@ -157,7 +183,8 @@ DRIVEN    lw_real *dz = dy + LW_Q + LW_V;
     lw_other_rates(L, y + LW_Q, w);
     lw_free_forces_code(y, w, u WITH_P, dy, H, f, gamma WITH_DZ);
     lw_scaled(Phi, gamma, A);
-    lw_reduce(A, chart->is_dependent, rows, columns);
+    lw_reduce_to(A, chart->is_dependent, rows, columns, &side);
+    *pivot = (lw_real)side;
     for (i = 0; i < LW_W; ++i) {
         b[i] = 0;
     }
