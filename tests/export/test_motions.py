@@ -142,16 +142,36 @@ def test_charts_change_where_the_own_one_is_singular(tmp_path):
         assert kinetic + potential == pytest.approx(energy, rel=close)
 
 
-def test_steps_do_not_pass_over_where_branches_meet(tmp_path):
-    """A platform that falls until its three legs lie in a plane: long steps, which a loose
-    tolerance allows, would come out behind it in other rates."""
-    robot = built("rrs3")
-    own, nothing = library(robot, tmp_path, STEPS), np.zeros(3)
-    ends = robot.simulate(robot.home, duration=0.3)
+def three_cranks() -> lw.Robot:
+    """Return a bar on three cranks, of which one is too many, all of them soon in a line."""
+    body = lw.Body(mass=1.0, centre_of_mass=(0.25, 0.0, 0.0), inertia=lw.Inertia(zz=0.02))
+
+    def pin(first: str, second: str, x: float = 0.0, y: float = 0.0) -> lw.RevoluteJoint:
+        frames = (lw.Frame(position=(x, 0.0, 0.0)), lw.Frame(position=(y, 0.0, 0.0)))
+        return lw.RevoluteJoint(connects=(first, second), frames=frames)
+
+    joints = {"p": pin("ground", "a"), "r": pin("ground", "c", 1.0), "t": pin("ground", "d", 0.6)}
+    joints |= {"q": pin("a", "b", 0.5), "s": pin("b", "c", 1.0, 0.5), "w": pin("b", "d", 0.6, 0.5)}
+    reference = {"p": 1.0, "q": -1.0, "r": 1.0, "s": 0.0, "t": 1.0}
+    bodies = dict.fromkeys("abcd", body)
+    return lw.Robot(
+        lw.Mechanism(bodies=bodies, joints=joints, gravity=(0, 0, 0), reference=reference)
+    )
+
+
+@pytest.mark.parametrize(
+    ("make", "rate", "duration"), [(lambda: built("rrs3"), 0.0, 0.3), (three_cranks, 4.0, 0.9)]
+)
+def test_steps_do_not_pass_over_where_branches_meet(make, rate, duration, tmp_path):
+    """Long steps, which a loose tolerance allows, would come out behind it in other rates."""
+    robot = make()
+    start = robot.home.with_rates(np.full(robot.mobility, rate) if rate else robot.home.rates)
+    own, nothing = library(robot, tmp_path, STEPS), np.zeros(len(robot.actuators))
+    ends = robot.simulate(start, duration=duration)
     assert ends.status is lw.Status.SINGULAR
-    for name, dt, tolerances in (("step", 0.3, (1e-4, 1e-6)), ("step_rk4", 0.02, ())):
-        status, [moving] = own("start", robot.home.q, robot.home.rates)
-        while status == OK and moving.t < 0.3:
+    for name, dt, tolerances in (("step", duration, (1e-4, 1e-6)), ("step_rk4", 0.02, ())):
+        status, [moving] = own("start", start.q, start.rates)
+        while status == OK and moving.t < duration:
             status, _ = own(name, nothing, dt, *tolerances, moving)
         assert status == SINGULAR and ends.time[-1] - dt < moving.t < ends.time[-1]
 

@@ -6,6 +6,7 @@ typedef struct lw_chart {
     int own;
     int independent[LW_V];
     int is_dependent[LW_W];
+OTHERWISE    int is_kept[LW_PHI]; /* of rows by which the side of its singular poses is told */
 } lw_chart;
 
 static void lw_own_chart(lw_chart *chart)

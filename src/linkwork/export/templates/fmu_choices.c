@@ -12,6 +12,9 @@ static void lw_chosen(const lw_choice *from, lw_chart *to)
     for (k = 0; k < LW_W; ++k) {
         to->is_dependent[k] = from->is_dependent[k];
     }
+OTHERWISE    for (k = 0; k < LW_PHI; ++k) {
+OTHERWISE        to->is_kept[k] = 1;
+OTHERWISE    }
 }
 
 static void lw_choose(const lw_chart *from, lw_choice *to)

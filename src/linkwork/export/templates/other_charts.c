@@ -23,17 +23,22 @@ static int lw_is_odd(const int *places)
 }
 
 /* Solve for the dependent rates by Gauss and Jordan's elimination with the strongest pivot each
-   time, of the columns that are allowed; return the weakest. In row rows[i] the rate columns[i] is
-   left alone. side: of zero on which the determinant is; 1 where rows are left over. */
+   time, of the columns and rows that are allowed; return the weakest. In row rows[i] the rate
+   columns[i] is left alone. side: of zero on which the determinant of the rows is. */
 static lw_real lw_reduce_to(
-    lw_real A[LW_PHI][LW_W + 1], const int *allowed, int *rows, int *columns, int *side)
+    lw_real A[LW_PHI][LW_W + 1],
+    const int *allowed,
+    const int *kept,
+    int *rows,
+    int *columns,
+    int *side)
 {
     int taken_rows[LW_PHI], taken_columns[LW_W];
     lw_real weakest = (lw_real)INFINITY;
     int negative = 0, i, r, k;
     *side = 1;
     for (r = 0; r < LW_PHI; ++r) {
-        taken_rows[r] = 0;
+        taken_rows[r] = kept && !kept[r];
     }
     for (k = 0; k < LW_W; ++k) {
         taken_columns[k] = !allowed[k];
@@ -67,16 +72,14 @@ static lw_real lw_reduce_to(
             }
         }
     }
-    if (LW_PHI == LW_W - LW_V && (negative ^ lw_is_odd(rows) ^ lw_is_odd(columns))) {
-        *side = -1;
-    }
+    *side = negative ^ lw_is_odd(rows) ^ lw_is_odd(columns) ? -1 : 1;
     return weakest;
 }
 
 static lw_real lw_reduce(lw_real A[LW_PHI][LW_W + 1], const int *allowed, int *rows, int *columns)
 {
     int side;
-    return lw_reduce_to(A, allowed, rows, columns, &side);
+    return lw_reduce_to(A, allowed, 0, rows, columns, &side);
 }
 
 /* Choose the chart that is best at a configuration; tell whether it determines the motion. */
@@ -88,11 +91,15 @@ static int lw_best_chart(const lw_real *q TAKING_P, lw_chart *chart)
         all[k] = 1;
         chart->is_dependent[k] = 0;
     }
+    for (k = 0; k < LW_PHI; ++k) {
+        chart->is_kept[k] = 0;
+    }
     lw_free_closure_code(q WITH_P, phi, Phi, gap);
     lw_scaled(Phi, phi, A);
     weakest = lw_reduce(A, all, rows, columns);
     for (k = 0; k < LW_W - LW_V; ++k) {
         chart->is_dependent[columns[k]] = 1;
+        chart->is_kept[rows[k]] = 1;
     }
     for (k = 0; k < LW_W && count < LW_V; ++k) {
         if (!chart->is_dependent[k]) {
@@ -183,7 +190,7 @@ DRIVEN    lw_real *dz = dy + LW_Q + LW_V;
     lw_other_rates(L, y + LW_Q, w);
     lw_free_forces_code(y, w, u WITH_P, dy, H, f, gamma WITH_DZ);
     lw_scaled(Phi, gamma, A);
-    lw_reduce_to(A, chart->is_dependent, rows, columns, &side);
+    lw_reduce_to(A, chart->is_dependent, chart->is_kept, rows, columns, &side);
     *pivot = (lw_real)side;
     for (i = 0; i < LW_W; ++i) {
         b[i] = 0;
