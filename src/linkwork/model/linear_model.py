@@ -71,7 +71,8 @@ class LinearModel:
         time = np.repeat([1.0, pace], n)
         A, B = A * time / time[:, None], B / time[:, None]
         size = float(np.linalg.norm(A, 2))
-        B = B * size / max(float(np.linalg.norm(B, 2)), np.finfo(float).tiny)
+        reach = np.linalg.svd(B, compute_uv=False).max(initial=np.finfo(float).tiny)
+        B = B * size / reach
         tests = (np.hstack([pole * np.eye(2 * n) - A, B]) for pole in np.linalg.eigvals(A))
         return bool(all(np.linalg.svd(test, compute_uv=False)[-1] > 1e-9 * size for test in tests))
 

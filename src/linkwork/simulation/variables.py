@@ -141,7 +141,7 @@ def entry(variable: Variable) -> "xarray.Variable":
 
 def index_of(axis: str, labels: np.ndarray) -> "xarray.indexes.PandasIndex":
     """Return the index of an axis."""
-    import xarray
+    import xarray.indexes
 
     variable = xarray.Variable((axis,), labels)
     return xarray.indexes.PandasIndex.from_variables({axis: variable}, options={})
