@@ -332,6 +332,23 @@ def test_included_files_are_read_from_the_models_own_folder(tmp_path):
     assert list(read(text, tmp_path).mechanism.bodies) == ["leg"]
 
 
+@pytest.mark.parametrize("beside_the_model", [True, False])
+def test_an_included_file_includes_from_the_models_folder_or_else_from_its_own(
+    beside_the_model, tmp_path
+):
+    parts = {"parts/leg.xml": '<include file="foot.xml"/>', "parts/foot.xml": '<body name="near"/>'}
+    if beside_the_model:
+        parts["foot.xml"] = '<body name="first"/>'
+    (tmp_path / "parts").mkdir()
+    for name, text in parts.items():
+        (tmp_path / name).write_text(f"<mujocoinclude>{text}</mujocoinclude>")
+    text = '<mujoco><worldbody><include file="parts/leg.xml"/></worldbody></mujoco>'
+    names = [*read(text, tmp_path).mechanism.bodies]
+    assert names == (["first"] if beside_the_model else ["near"])
+    model = mj.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+    assert names == [model.body(k).name for k in range(1, model.nbody)]
+
+
 LEFT_OUT = {
     (
         "<contact><exclude body1='b' body2='world'/></contact>"

@@ -96,6 +96,44 @@ def test_loops_of_other_types(kind, tmp_path):
     assert mechanism.joints["tip"].type == kind
 
 
+LOOP_JOINT = (
+    '<loop_joint name="tip" {}><link1 link="distal_1" rpy="0 0 1" xyz="0.35 0 0"/>'
+    '<{} link="distal_2" xyz="0.35 0 0"/><axis xyz="0 0 1"/></loop_joint>'
+)
+
+
+@pytest.mark.parametrize(
+    ("kind", "second", "joint"),
+    [
+        ("", "link2", "revolute"),  # as Drake had them
+        ('type="continuous"', "link2", "revolute"),
+        (
+            'type="spherical"',
+            "link1",
+            "spherical",
+        ),  # as the page of Isaac Sim has it, and exporters
+    ],
+)
+def test_a_loop_joint_of_isaac_sim_and_of_drake(kind, second, joint, tmp_path):
+    imported = read(five_bar(LOOP_JOINT.format(kind, second), independent=True), tmp_path)
+    assert imported.mechanism.joints["tip"].type == joint
+    assert not any("loop_joint" in note for note in imported.notes)
+    if joint == "revolute":
+        assert_moves_like_the_five_bar(imported.mechanism)
+
+
+@pytest.mark.parametrize(
+    "extra",
+    [
+        '<loop_joint name="tip"><parent link="distal_1"/><child link="distal_2"/></loop_joint>',
+        '<force_element name="f"><torsional_spring stiffness="1"/></force_element>',
+    ],
+)
+def test_what_ties_or_pushes_and_is_not_read_is_warned_of(extra, tmp_path):
+    with pytest.warns(ModelWarning, match="is left out: it is no part of a mechanism known here"):
+        read(five_bar(extra), tmp_path)
+
+
 CONSTRAINT = (
     '<constraint name="tip" type="{}"><parent link="distal_1"/><parent_origin xyz="0.35 0 0"/>'
     '<parent_axis xyz="{}"/><child link="distal_2"/><child_origin xyz="0.35 0 0"/>'

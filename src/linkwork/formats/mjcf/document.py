@@ -439,9 +439,10 @@ OUTSIDE = (
 
 def _path_of(element: Element, name: str, allowed: Sequence[Path]) -> Path | None:
     """Return the path of a file that an element names, or None where it lies outside the folders
-    that are allowed, the model's own first."""
+    that are allowed; told from the model's own, then from the element's file's, as in MuJoCo."""
+    folders = (allowed[0], element.file.parent, *allowed[1:])
     try:
-        paths = [(folder / name).resolve() for folder in allowed]
+        paths = [(folder / name).resolve() for folder in folders]
     except (OSError, ValueError):
         raise element.refusal(f"file {xml.shortened(name)} is no path") from None
     inside = [path for path in paths if any(path.is_relative_to(folder) for folder in allowed)]
@@ -450,10 +451,7 @@ def _path_of(element: Element, name: str, allowed: Sequence[Path]) -> Path | Non
 
 class _Including:
     """Put the contents of files in the place of <include file="...">; they lie in the model's own
-    folder, or in one that is stated.
-
-    What is too deep, too large or too much for one file is so for all together.
-    """
+    folder, or in one that is stated. What is too much for one file is so for all together."""
 
     def __init__(self, root: Element, includes: Sequence[Path]):
         self.allowed = (root.file.parent.resolve(), *(folder.resolve() for folder in includes))

@@ -215,8 +215,11 @@ def _read_joint(element: Element, links: dict[str, Element]) -> UrdfJoint:
 def origin(element: Element, tag: str = "origin") -> np.ndarray:
     """Return the pose that <origin xyz rpy>, or <origin xyz quat_xyzw>, inside an element gives."""
     inner = element.first(tag)
-    if inner is None:
-        return np.eye(4)
+    return np.eye(4) if inner is None else placed(inner)
+
+
+def placed(inner: Element) -> np.ndarray:
+    """Return the pose that the attributes of an element give."""
     zero = (0.0, 0.0, 0.0)
     place, given = inner.vector("xyz", zero), QUATERNION in inner.attributes
     if not given:

@@ -32,7 +32,7 @@ from linkwork.formats.urdf.model import (
     weight,
 )
 from linkwork.formats.urdf.shapes import shapes_of
-from linkwork.formats.urdf.sidecars import read_closures
+from linkwork.formats.urdf.sidecars import LINK, LOOP_JOINT, read_closures
 from linkwork.formats.urdf.unread import of_its_version, tell_unread
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
@@ -67,7 +67,7 @@ MASSES = {"mass", "inertia", "density"}  # in a link itself, where they are not 
 MASSLESS = (
     "holds no <mass>, which is zero then (a <density>, as some programs write it, is not read)"
 )
-GAZEBO_READ = ("joint", "springStiffness", "springReference")
+READ_INSIDE = ("joint", "springStiffness", "springReference", LINK)  # <gazebo>, <loop_joint>
 WEIGHT = ("turnGravityOff", "gravity")
 NO_LINK = "it is told of no link, and weight acts on all bodies"
 GAZEBO_MOTION = {
@@ -78,7 +78,7 @@ GAZEBO_MOTION = {
     "link": "links are those of the file itself",
     "model": "models inside are not read",
 }
-DRAKE_MOTION = ("drake:prismatic_spring", "drake:tendon_constraint")
+MOTION = ("drake:prismatic_spring", "drake:tendon_constraint", "force_element", LOOP_JOINT)
 OFF = ("false", "0", "0.0")
 MACRO = "is a macro; expand the file with xacro first"
 DEFINITIONS = ("xacro:property", "xacro:macro", "xacro:arg")
@@ -217,11 +217,11 @@ def _survey(root: Element, notes: Notes) -> list[Element]:
             _survey_gazebo(element, links, mimics, notes)
         if element.tag == drake.BUSHING:
             notes.on(element, drake.SOFT, alters=True)
-        if element.tag not in SILENT["robot"] and not any(element.each(*GAZEBO_READ)):
+        if element.tag not in SILENT["robot"] and not any(element.each(*READ_INSIDE)):
             notes.on(
                 element,
                 "is left out: it is no part of a mechanism known here",
-                alters=element.tag in DRAKE_MOTION,
+                alters=element.tag in MOTION,
             )
         for child in element.children if element.tag in ("link", *JOINTS) else ():
             if child.tag.startswith("xacro:"):

@@ -16,6 +16,10 @@ urdfdom's proposal: inside the file itself, with a frame and an axis on either s
 
 The axes meet; those of a universal joint are square to each other.
 
+Isaac Sim, and Drake of old: inside the file itself, with the axis in both frames,
+
+    <loop_joint name type><link1 link xyz rpy/><link2 link xyz rpy/><axis/></loop_joint>
+
 Gazebo: inside <gazebo>, an SDF <joint> between two links, at zero where all joints of the URDF are.
 
 LAAS (example-parallel-robots): a file robot.yaml, or of the model's own name, beside it,
@@ -29,7 +33,8 @@ Three hinges through one point with nothing but massless links between are a sph
 
 Source: https://github.com/ROAM-Lab-ND/generalized_rbda,
 https://github.com/Gepetto/example-parallel-robots (readers),
-https://github.com/ros/urdfdom/pull/264 (proposal), http://sdformat.org/spec (joint).
+https://github.com/ros/urdfdom/pull/264 (proposal), http://sdformat.org/spec (joint),
+https://docs.isaacsim.omniverse.nvidia.com (URDF importer: loop_joint).
 """
 
 from __future__ import annotations
@@ -46,7 +51,15 @@ import numpy as np
 from linkwork.formats import poses, xml
 from linkwork.formats.notes import Notes
 from linkwork.formats.sdf.scopes import read_pose, thread_pitch
-from linkwork.formats.urdf.model import ONE_FREEDOM, UrdfJoint, UrdfModel, axis_of, origin, weight
+from linkwork.formats.urdf.model import (
+    ONE_FREEDOM,
+    UrdfJoint,
+    UrdfModel,
+    axis_of,
+    origin,
+    placed,
+    weight,
+)
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     FixedJoint,
@@ -67,6 +80,20 @@ LAAS = re.compile(r"^(closed_loop|name_mot|joint_name)\s*:", re.MULTILINE)
 UNIVERSAL = re.compile(r"UJOINT_([XYZ])([XYZ])")
 LOOPS = ("revolute", "continuous", "prismatic", "fixed", "spherical", "ball", "planar")
 CONSTRAINTS = (*LOOPS, "universal")
+JOINTS: dict[str, type] = {
+    "revolute": RevoluteJoint,
+    "continuous": RevoluteJoint,
+    "prismatic": PrismaticJoint,
+    "screw": ScrewJoint,
+    "fixed": FixedJoint,
+    "spherical": SphericalJoint,
+    "ball": SphericalJoint,
+    "planar": PlanarJoint,
+    "universal": UniversalJoint,
+}
+LOOP_JOINT, LINK = "loop_joint", "link1"
+ENDS = {"loop": (("predecessor", "successor"), origin), LOOP_JOINT: ((LINK, "link2"), placed)}
+"""The two ends of a loop, and what gives the frame of one."""
 MODEL = "__model__"  # SDF's name of the frame of the whole model
 GAZEBO = ("revolute", "continuous", "prismatic", "screw", "fixed", "ball")
 OWN_LINKS = "in a <gazebo> is left out: it leads to a link that only a <gazebo> has"
@@ -134,8 +161,12 @@ def read_closures(model: UrdfModel, notes: Notes, merging: bool) -> Closures:
 
 def _read_urdf_plus(model: UrdfModel, found: Closures, notes: Notes) -> None:
     names = set(model.joints)
-    inside = [*model.root.each("loop", "coupling", "constraint"), *_gazebo_joints(model, notes)]
-    read = {"loop": _loop, "constraint": _constraint, "joint": _gazebo_joint}
+    inside = [
+        *model.root.each("loop", "coupling", "constraint"),
+        *(loop for loop in model.root.each(LOOP_JOINT) if loop.first(LINK)),
+        *_gazebo_joints(model, notes),
+    ]
+    read = {"loop": _loop, LOOP_JOINT: _loop, "constraint": _constraint, "joint": _gazebo_joint}
     for element in inside:
         name = element.text("name")
         if name in names:
@@ -165,20 +196,22 @@ def _link(element: Element, model: UrdfModel) -> str:
 
 
 def _loop(name: str, element: Element, model: UrdfModel) -> Closure:
-    ends = [element.named(end) for end in ("predecessor", "successor")]
+    """Return the loop that a <loop> or a <loop_joint> closes."""
     kind = element.attributes.get("type", "revolute")
     if kind not in LOOPS:
         raise element.refusal(f"type {kind!r} is not one of {', '.join(LOOPS)}")
+    names, pose = ENDS[element.tag]
+    ends = sorted(element.each(*names), key=lambda end: end.tag)
+    if len(ends) != len(names):
+        ends = [element.named(name) for name in names]
     links = (_link(ends[0], model), _link(ends[1], model))
-    frames = (origin(ends[0]), origin(ends[1]))
+    frames = (pose(ends[0]), pose(ends[1]))
     if kind in ("revolute", "continuous", "prismatic"):
-        joint = PrismaticJoint if kind == "prismatic" else RevoluteJoint
-        return Closure(name, joint, links, frames, axis_of(element))
+        return Closure(name, JOINTS[kind], links, frames, axis_of(element))
     if kind == "planar":
         turn = poses.pose(rotation=poses.from_z(axis_of(element)))
         frames = frames[0] @ turn, frames[1] @ turn
-    joint = {"fixed": FixedJoint, "planar": PlanarJoint}.get(kind, SphericalJoint)
-    return Closure(name, joint, links, frames)
+    return Closure(name, JOINTS[kind], links, frames)
 
 
 def _constraint(name: str, element: Element, model: UrdfModel) -> Closure:
@@ -187,14 +220,6 @@ def _constraint(name: str, element: Element, model: UrdfModel) -> Closure:
     links = tuple(_link(element.named(end), model) for end in ("parent", "child"))
     origins = [origin(element, f"{end}_origin") for end in ("parent", "child")]
     axes = [axis_of(element, f"{end}_axis") for end in ("parent", "child")]
-    made: dict[str, type] = {
-        "prismatic": PrismaticJoint,
-        "planar": PlanarJoint,
-        "fixed": FixedJoint,
-        "spherical": SphericalJoint,
-        "ball": SphericalJoint,
-        "universal": UniversalJoint,
-    }
     if kind in ("fixed", "spherical", "ball"):
         frames, axis = origins, None
     elif kind == "universal":
@@ -206,9 +231,7 @@ def _constraint(name: str, element: Element, model: UrdfModel) -> Closure:
         frames = [X @ poses.pose(rotation=R) for X, R in zip(origins, turns, strict=True)]
         axis = None if kind == "planar" else np.array([0.0, 0.0, 1.0])
     first, second = links
-    return Closure(
-        name, made.get(kind, RevoluteJoint), (first, second), (frames[0], frames[1]), axis
-    )
+    return Closure(name, JOINTS[kind], (first, second), (frames[0], frames[1]), axis)
 
 
 def _gazebo_joints(model: UrdfModel, notes: Notes) -> Iterator[Element]:
@@ -238,12 +261,6 @@ def _gazebo_joint(name: str, element: Element, model: UrdfModel) -> Closure:
     own = np.eye(4) if pose is None else read_pose(pose)
     far = _seen_from(pose, "relative_to", ends[1], model) @ own
     near = poses.inverse(model.at_zero(ends[0])) @ model.at_zero(ends[1]) @ far
-    made = {
-        "prismatic": PrismaticJoint,
-        "screw": ScrewJoint,
-        "fixed": FixedJoint,
-        "ball": SphericalJoint,
-    }
     along, more = None, {"pitch": thread_pitch(element)} if kind == "screw" else {}
     if kind not in ("fixed", "ball"):
         inner = axis and axis.inner("xyz")
@@ -254,8 +271,7 @@ def _gazebo_joint(name: str, element: Element, model: UrdfModel) -> Closure:
             told = _seen_from(inner, "expressed_in", ends[1], model)
             along = far[:3, :3].T @ told[:3, :3] @ along
         along = poses.unit(along)
-    joint = made.get(kind, RevoluteJoint)
-    return Closure(name, joint, (ends[0], ends[1]), (near, far), along, more)
+    return Closure(name, JOINTS[kind], (ends[0], ends[1]), (near, far), along, more)
 
 
 def _seen_from(element: Element | None, key: str, link: str, model: UrdfModel) -> np.ndarray:
