@@ -19,6 +19,17 @@ MUSCLES = """
  range="0.6 1.2" timeconst="0.02 0.05" ctrlrange="0.1 0.7"/>
 <muscle name="s" tendon="split" lengthrange="-1 1.5" scale="40" tausmooth="0.3" fvmax="1.4"/>
 <muscle name="j" joint="j4" gear="-1" lengthrange="-2 2" fpmax="0.7" lmin="0.3"/>"""
+# The same in the words of <general>, as models of MyoSuite have it.
+PRM = "0.6 1.2 30 200 0.5 1.4 3 1.3 1.2 0"
+GENERAL = f"""
+<general name="m" joint="j1" gear="0.3" lengthrange="-0.4 0.5" ctrlrange="0.1 0.7"
+ gaintype="muscle" biastype="muscle" dyntype="muscle" dynprm="0.02 0.05" gainprm="{PRM}"
+ biasprm="{PRM}"/>
+<general name="s" tendon="split" lengthrange="-1 1.5" class="flesh" gainprm="0.75 1.05 -1 40"
+ biasprm="0.75 1.05 -1 40"/>"""
+FLESH = """<default><default class="flesh"><general gaintype="muscle" biastype="muscle"
+ dyntype="muscle" dynprm="0.01 0.04 0.3" gainprm="1 1 1 1 0.5 1.6 1.5 1.3 1.4"
+ biasprm="1 1 1 1 0.5 1.6 1.5 1.3 1.4"/></default></default>"""
 MODEL = control.Muscle(
     peak_force=7.0, optimum_length=0.4, tendon_length=0.2, fastest=2.0, lengthening=1.3
 )
@@ -58,7 +69,15 @@ def chain(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("which", ["cables", "chain"])
+@pytest.fixture
+def general(tmp_path):
+    path = tmp_path / "general.xml"
+    text = CHAIN.format(joint="", actuators=GENERAL)
+    path.write_text(text.replace("<worldbody>", f"{FLESH}<worldbody>"))
+    return path
+
+
+@pytest.mark.parametrize("which", ["cables", "chain", "general"])
 def test_muscles_pull_as_in_mujoco(which, request, tmp_path):
     path = request.getfixturevalue(which)
     imported = load(path)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
 from typing import TypeAlias
@@ -30,7 +30,7 @@ from linkwork.formats.mjcf.inertia import (
 from linkwork.formats.mjcf.joints import Joints
 from linkwork.formats.mjcf.laws import MUSCLE
 from linkwork.formats.mjcf.motors import MotorLaw, motor_law
-from linkwork.formats.mjcf.presets import GENERAL, area, first
+from linkwork.formats.mjcf.presets import GENERAL, area, first, is_muscle, of_muscles
 from linkwork.formats.mjcf.tree import FREEDOMS, ModelTree, Piece
 from linkwork.formats.notes import Notes
 from linkwork.formats.xml import Element
@@ -40,7 +40,10 @@ LAWS = ("motor", "position", "velocity", "intvelocity", "damper", "cylinder", "g
 MOTORS = ("pid", "dcmotor")
 LAGS = ("filter", "filterexact")
 TINY = 1e-15  # least divisor that MuJoCo takes
-UNKNOWN_IN_MUSCLES = ("forcerange", "forcelimited", "actlimited", "actrange", "actearly", "delay")
+UNKNOWN_IN_MUSCLES = (
+    *("forcerange", "forcelimited", "actlimited", "actrange", "actearly", "delay", "site"),
+)
+NO_LENGTHS = "it has no lengthrange, which MuJoCo finds by a simulation of its own"
 PLAIN = "is taken as a plain actuator: its control law is left out, the force is yours"
 
 Numbers = dict[str, float | str]
@@ -79,6 +82,9 @@ class DriveReader:
         """Return the numbers of the drive that an actuator is; none of one that gives its control
         as a force; between: what it acts along, if that is neither joints nor a tendon."""
         self.between = between
+        if is_muscle(element):
+            words = {**element.attributes, **of_muscles(element)}
+            element = replace(element, tag="muscle", attributes=words)
         if element.tag == "muscle":
             return self._muscle(element, gear)
         if element.tag in MOTORS:
@@ -272,14 +278,9 @@ class DriveReader:
         not written, or that has what a muscle here has not."""
         low, high = element.numbers("lengthrange", (2,), (0.0, 0.0))
         unknown = [key for key in UNKNOWN_IN_MUSCLES if key in element.attributes]
-        if not low < high or unknown or "site" in element.attributes:
-            why = "it has no lengthrange, which MuJoCo finds by a simulation of its own"
-            if unknown or "site" in element.attributes:
-                why = f"a muscle here has no {', '.join(unknown) or 'site'}"
-            self.notes.on(
-                element,
-                f"{PLAIN}, for {why}",
-            )
+        if unknown or not low < high:
+            why = f"a muscle here has no {', '.join(unknown)}" if unknown else NO_LENGTHS
+            self.notes.on(element, f"{PLAIN}, for {why}")
             return {}
         # Lengths, whose range in units of the muscle's own is given, and the force.
         least, largest = element.numbers("range", (2,), (0.75, 1.05))

@@ -43,6 +43,7 @@ SHORT = {
 }  # fmt: skip
 """The words of each kind of actuator for its law."""
 OF_MUSCLES = SHORT["muscle"][3:]  # in their order in gainprm, after the range
+OF_GENERAL = 2 + len(OF_MUSCLES)  # numbers of gainprm, and of biasprm
 LAWS = {PRESET, *LAW, *(word for words in SHORT.values() for word in words)}
 INSTEAD = {"kv": "dampratio", "dampratio": "kv", "area": "diameter"}
 RANGES = {"position": "ctrlrange", "pid": "ctrlrange", "intvelocity": "actrange"}
@@ -120,17 +121,29 @@ def _in_short(element: Element, known: Attributes) -> Attributes | None:
             words = " ".join(map(repr, bias))
             return {"area": repr(gain[0]), "timeconst": repr(time), "bias": words}
         case "muscle":
-            low, high, *numbers = first(law, "gainprm", 2 + len(OF_MUSCLES), (1.0,))
-            rise, fall, smooth = first(law, "dynprm", 3, (1.0,))
-            ranges = {"range": f"{low!r} {high!r}", "timeconst": f"{rise!r} {fall!r}"}
-            words = dict(zip(OF_MUSCLES, map(repr, numbers), strict=True))
-            return ranges | words | {"tausmooth": repr(smooth)}
+            return of_muscles(law)
         case "dcmotor":
             return _of_motors(law)
         case _:
             return None
     more = {key: known[key] for key in ("inheritrange",) if key in known and tag in FIXED[:2]}
     return {key: repr(value) for key, value in numbers.items()} | more
+
+
+def of_muscles(law: Element) -> Attributes:
+    """Return the words of a muscle for what a <general> of that kind says in numbers."""
+    low, high, *numbers = first(law, "gainprm", OF_GENERAL, (1.0,))
+    rise, fall, smooth = first(law, "dynprm", 3, (1.0,))
+    ranges = {"range": f"{low!r} {high!r}", "timeconst": f"{rise!r} {fall!r}"}
+    words = dict(zip(OF_MUSCLES, map(repr, numbers), strict=True))
+    return ranges | words | {"tausmooth": repr(smooth)}
+
+
+def is_muscle(element: Element) -> bool:
+    """Tell whether a <general> is a muscle in all its parts."""
+    kinds = {element.attributes.get(f"{part}type") for part in ("gain", "bias", "dyn")}
+    pull, stretch = (first(element, f"{part}prm", OF_GENERAL, (1.0,)) for part in ("gain", "bias"))
+    return element.tag == GENERAL and kinds == {"muscle"} and pull == stretch
 
 
 def _of_motors(law: Element) -> Attributes:
