@@ -75,6 +75,32 @@ def test_one_connect_in_a_planar_loop_is_a_revolute_joint_and_said_to_be(tmp_pat
     assert_same_accelerations(imported.mechanism, text)
 
 
+BASE = '<body name="base">{}<inertial pos="0 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>'
+
+
+@pytest.mark.parametrize("carrier", ["", '<joint name="tilt" axis="1 0 0"/>'])
+def test_points_that_are_apart_across_the_plane_are_on_one_axis(carrier, tmp_path):
+    """As of legs from drawings, whose sites lie in the two links' own planes."""
+    text = samples.FOUR_BAR.format(equality='<connect name="pin" site1="a" site2="b"/>')
+    text = text.replace('name="elbow"/>', 'name="elbow"/><site name="a" pos="0.3 0.3 0.1"/>')
+    text = text.replace("<worldbody>", f"<worldbody>{BASE.format(carrier)}")
+    text = text.replace("</worldbody>", "</body></worldbody>")
+    robots, warned = [], []
+    for z in (0.1, 0.102):
+        site = f'<site name="b" pos="0.3 0 {z}"/>'
+        apart = text.replace('<joint name="pivot"', f'{site}<joint name="pivot"')
+        imported = read(apart, tmp_path)
+        warned += [any("turn what carries the loop" in c for c in imported.mechanism.caveats)]
+        robots.append(lw.Robot(imported.mechanism))
+        if not carrier:
+            assert_same_accelerations(imported.mechanism, apart)
+    assert warned == [False, bool(carrier)] and robots[1].mobility == 1 + bool(carrier)
+    assert "on one axis with both points" in imported.notes[0]
+    rates = [0.7, -1.2][: robots[0].mobility]
+    a, b = (robot.forward_dynamics(robot.home.with_rates(rates), [0.3]) for robot in robots)
+    np.testing.assert_allclose(a, b, rtol=1e-11)
+
+
 def test_one_connect_in_a_loop_that_is_not_planar_is_a_spherical_joint(tmp_path):
     connect = '<connect name="socket" body1="rod" body2="slider" anchor="0.3 0.1 0.05"/>'
     text = samples.SPATIAL.format(more="", equality=connect)

@@ -41,6 +41,10 @@ from linkwork.mechanism import (
 
 CONNECTS = 100  # of two bodies
 APART = 1e-6  # points closer than this are one; distances that differ by less are equal [m]
+PLANAR = "closes a loop that moves in a plane and is taken as a revolute joint across it"
+LOST = "; nothing is lost"  # by PLANAR, where the points meet
+OFF = ", on one axis with both points, which stay apart along it"
+TURNED = "; MuJoCo's forces, equal at points that are apart, turn what carries the loop"
 POLYNOMIAL = (0.0, 1.0, 0.0, 0.0, 0.0)
 
 
@@ -84,7 +88,8 @@ class LoopReader:
 
     def __init__(self, document: Document, tree: ModelTree, standing: ModelTree, notes: Notes):
         self.document, self.tree, self.notes = document, tree, notes
-        self.turns = {body: X[:3, :3] for body, X in standing.poses().items()}
+        self.standing = standing.poses()
+        self.turns = {body: X[:3, :3] for body, X in self.standing.items()}
         self.at_zero, self.at_rest = tree.poses(), tree.poses(tree.positions(springs=True))
         self.pieces = {piece.name: piece for _, piece in tree.pieces() if piece.name}
 
@@ -233,17 +238,17 @@ class LoopReader:
     def _ball(self, tie: Equality) -> PairJoint:
         """Return a spherical joint, at rest where the bodies stand at qpos0; a revolute one in a
         planar loop."""
-        normal = self._normal(tie.bodies)
+        normal, carried = self._plane(tie.bodies)
         if normal is not None:
-            self.notes.on(
-                tie.element,
-                (
-                    "closes a loop that moves in a plane and is taken as a revolute joint "
-                    "across it; nothing is lost"
-                ),
-            )
             axes = [self.turns[body].T @ normal for body in tie.bodies]
-            return self._hinge(tie.bodies, np.array(tie.points), axes)
+            # What the points are apart across the plane no motion changes: one axis has both.
+            places = zip(tie.bodies, tie.points, strict=True)
+            near, far = (normal @ (self.standing[body] @ [*p, 1.0])[:3] for body, p in places)
+            centre = np.array([tie.points[0], tie.points[1] + (near - far) * axes[1]])
+            off = float(abs(near - far)) > APART
+            remark = f"{PLANAR}{OFF if off else LOST}" + (TURNED if off and carried else "")
+            self.notes.on(tie.element, remark, alters=off and carried)
+            return self._hinge(tie.bodies, centre, axes)
         turn = self.turns[tie.bodies[1]].T @ self.turns[tie.bodies[0]]
         frames = (
             Frame(position=poses.triple(tie.points[0])),
@@ -251,17 +256,18 @@ class LoopReader:
         )
         return SphericalJoint(connects=tie.bodies, frames=frames)
 
-    def _normal(self, bodies: tuple[str, str]) -> np.ndarray | None:
+    def _plane(self, bodies: tuple[str, str]) -> tuple[np.ndarray | None, bool]:
         """Return the normal of the plane in which the tree moves one body relative to another, if
-        it is a plane."""
+        it is a plane, and whether joints of both carry it."""
         chains = [self.tree.chain(body) for body in bodies]
         common = {node.name for node in chains[0]} & {node.name for node in chains[1]}
         between = [node for chain in chains for node in chain if node.name not in common]
-        return plane_normal(
+        normal = plane_normal(
             (piece.kind, self.turns[node.name] @ piece.axis)
             for node in between
             for piece in node.pieces
         )
+        return normal, any(node.pieces for node in chains[0] if node.name in common)
 
     # -------------------------------------------------------------------------------- joint, tendon
 
