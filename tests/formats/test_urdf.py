@@ -415,6 +415,15 @@ def test_joints_that_are_not_there_refuse_nothing(tmp_path):
     assert not imported.mechanism.gears
 
 
+def test_a_mimic_by_nothing_holds_its_joint_at_the_offset(tmp_path):
+    """As of fingers that the synergy of a hand leaves alone."""
+    imported = read(arm(second='<mimic joint="j" multiplier="0.0" offset="0.4"/>'), tmp_path)
+    robot = lw.Robot(imported.mechanism)
+    assert robot.mobility == 1 and not imported.mechanism.caveats
+    assert imported.mechanism.joints["k_mimic"].type == "fixed"
+    assert float(robot.home["k"]) == pytest.approx(0.4, abs=1e-12)
+
+
 def test_negative_moments_are_kept_and_warned_of(tmp_path):
     text = arm(first='<axis xyz="0.6 0 0.8"/>').replace(
         'izz="0.1"/>', 'izz="0.1" ixy="0.12" ixz="0" iyz="0" />', 1

@@ -20,8 +20,8 @@ from itertools import combinations
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from linkwork.equations.reference import displacement
 from linkwork.formats import poses
+from linkwork.formats.followers import held
 from linkwork.formats.mjcf.document import Document, flag
 from linkwork.formats.mjcf.joints import Coupling, Joints
 from linkwork.formats.mjcf.tree import ModelTree, plane_normal
@@ -317,10 +317,7 @@ class LoopReader:
             raise coupling.element.refusal(
                 f"holds {label!r} alone, which is part of a joint of several freedoms"
             )
-        joint = joints.joints[label]
-        motion = poses.pose(*displacement(joint, np.array([value])))
-        first = poses.frame_of(poses.of_frame(joint.frames[0]) @ motion)
-        return FixedJoint(connects=joint.connects, frames=(first, joint.frames[1]))
+        return held(joints.joints[label], value)
 
 
 def polynomial(element: Element) -> tuple[float, ...]:

@@ -17,6 +17,7 @@ from math import inf
 import numpy as np
 
 from linkwork.formats import drake, poses
+from linkwork.formats.followers import follower
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.sdf.scopes import MODEL, STILL, Scope, thread_pitch
@@ -330,9 +331,9 @@ class JointReader:
             for name, default in (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
         )
         joint.driven[tag] = False
-        ratios = {joint.labels[tag]: 1.0, other.labels[of]: -multiplier}
-        gear = mimic.make(GearJoint, ratios=ratios, offset=offset - multiplier * reference)
-        self.joints[self.names.give(f"{joint.labels[tag]}_mimic")] = gear
+        labels = joint.labels[tag], other.labels[of]
+        tied = follower(mimic, self.joints, labels, multiplier, offset - multiplier * reference)
+        self.joints[self.names.give(f"{labels[0]}_mimic")] = tied
 
     def _mimic_of_drake(self, joint: SdfJoint) -> None:
         """Add a gear where a joint has Drake's mimic: q = multiplier q_of + offset."""
@@ -346,6 +347,6 @@ class JointReader:
             raise mimic.refusal(f"there is no joint {shortened(wanted)} of one axis to mimic")
         multiplier, offset = mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)
         joint.driven["axis"] = False
-        ratios = {joint.labels["axis"]: 1.0, other.labels["axis"]: -multiplier}
-        gear = mimic.make(GearJoint, ratios=ratios, offset=offset)
-        self.joints[self.names.give(f"{joint.labels['axis']}_mimic")] = gear
+        labels = joint.labels["axis"], other.labels["axis"]
+        tied = follower(mimic, self.joints, labels, multiplier, offset)
+        self.joints[self.names.give(f"{labels[0]}_mimic")] = tied

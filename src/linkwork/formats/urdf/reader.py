@@ -9,12 +9,14 @@ Source: the URDF specification, https://wiki.ros.org/urdf/XML.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from math import inf
 
 import numpy as np
 
 from linkwork.formats import drake, poses, xml
+from linkwork.formats.followers import follower
 from linkwork.formats.masses import NOISE as RELATIVE
 from linkwork.formats.masses import without_noise
 from linkwork.formats.names import FreeNames
@@ -41,7 +43,6 @@ from linkwork.mechanism import (
     FixedJoint,
     FreeJoint,
     Friction,
-    GearJoint,
     Joint,
     Lift,
     Limits,
@@ -156,7 +157,7 @@ def _mechanism(root: Element, notes: Notes, reading: Reading) -> Mechanism:
         if joint.child not in model.frames or model.closes(joint)
     }
     # What couples joints, and which of them are driven.
-    gears = _mimics(model, notes)
+    gears = _mimics(model, joints, notes)
     tied, springs = drake.read_between(root, partial(_mounted, model), model.names)
     double = {model.labels[joint.name] for joint in model.joints.values() if model.closes(joint)}
     loops = closures.joints(model) | tied
@@ -448,7 +449,7 @@ def _limits(joint: UrdfJoint) -> Limits:
     return Limits(**known, speed=speed)
 
 
-def _mimics(model: UrdfModel, notes: Notes) -> dict[str, Joint]:
+def _mimics(model: UrdfModel, joints: Mapping[str, Joint], notes: Notes) -> dict[str, Joint]:
     """Return a gear for every <mimic>: q - multiplier q_other = offset."""
     gears: dict[str, Joint] = {}
     # Both are hinges or slides; one that is fixed, or not there, follows or leads nothing.
@@ -481,10 +482,8 @@ def _mimics(model: UrdfModel, notes: Notes) -> dict[str, Joint]:
             )
         else:
             # The gear between those that are both there.
-            ratios = {
-                model.labels[joint.name]: 1.0,
-                model.labels[other]: -mimic.number("multiplier", 1.0),
-            }
-            gear = mimic.make(GearJoint, ratios=ratios, offset=mimic.number("offset", 0.0))
-            gears[model.names.give(f"{joint.name}_mimic")] = gear
+            labels = model.labels[joint.name], model.labels[other]
+            numbers = mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)
+            tied = follower(mimic, joints, labels, *numbers)
+            gears[model.names.give(f"{joint.name}_mimic")] = tied
     return gears
