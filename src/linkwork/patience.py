@@ -11,7 +11,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from math import inf
 from multiprocessing.process import current_process
@@ -20,6 +20,7 @@ from typing import ClassVar
 
 PATIENCE = 2.0  # how long nothing is said [s]
 GLANCE = 0.25  # time between two looks of the clock at what goes on [s]
+WORTH = 1.0  # how long something has taken that an interruption is not to throw away [s]
 REST = 60.0  # how long the clock looks on where nothing goes on [s]
 
 _HUSHED = ContextVar("hushed", default=False)
@@ -114,6 +115,24 @@ def interruptions_held() -> Iterator[Callable[[], bool]]:
         yield lambda: bool(came)
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@contextmanager
+def kept_from_interruptions(asked: bool) -> Iterator[Callable[[bool], bool]]:
+    """Keep what is done here piece by piece from being thrown away by Ctrl-C, if that is asked for:
+    give what tells after each piece, and whether that is worth keeping, if Ctrl-C was pressed.
+
+    What has taken a second is worth keeping in any case; before that Ctrl-C ends it at once.
+    """
+    began, came = time.perf_counter(), []
+    with ExitStack() as stack:
+
+        def interrupted(worth: bool) -> bool:
+            if asked and not came and (worth or time.perf_counter() - began > WORTH):
+                came.append(stack.enter_context(interruptions_held()))
+            return bool(came) and came[0]()
+
+        yield interrupted
 
 
 @contextmanager

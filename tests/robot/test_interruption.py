@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork import patience
 from linkwork.runs import passage
 
 from tests.cli.calls import call
@@ -55,6 +56,33 @@ def test_an_interrupted_run_keeps_what_was_computed_and_can_be_resumed(
     again = run.resampled(11)
     assert again.status is lw.Status.CANCELLED
     assert np.array_equal(again.final.q, run.final.q) and again.steps == run.steps
+
+
+@pytest.mark.parametrize("place", ["advanced", "chosen"])
+def test_a_run_through_many_charts_that_has_taken_long_is_kept_too(place, monkeypatch):
+    """None of its segments is a portion long; Ctrl-C comes while one is integrated, or while the
+    next chart is chosen."""
+    robot, times = lw.Robot("prr3"), np.linspace(0.0, 6.0, 61)
+    how = {"duration": 6.0, "save_at": times}
+    whole = robot.simulate(robot.home, [0.5, 0.0, 0.0], **how)
+    assert whole.success and whole.attrs["charts"].count("from") > 7
+    own, calls = getattr(passage, place), []
+
+    def pressed(*given, **options):
+        calls.append(given)
+        if len(calls) == 5:
+            signal.raise_signal(signal.SIGINT)
+        return own(*given, **options)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(patience, "WORTH", 0.0)
+        patched.setattr(passage, place, pressed)
+        run = robot.simulate(robot.home, [0.5, 0.0, 0.0], **how)
+    assert run.status is lw.Status.CANCELLED and len(calls) == 5 and 0 < run.time[-1] < 6
+    assert np.array_equal(run["joint_position"], whole["joint_position"][: len(run.time)])
+    assert run.resampled(11).steps == run.steps
+    rest = robot.resume(run, [0.5, 0.0, 0.0], duration=6.0 - run.attrs["final_time"])
+    assert np.allclose(rest.final.positions, whole.final.positions, atol=1e-5)
 
 
 def test_portions_resumed_runs_and_members_find_a_run_stiff_at_the_same_step(monkeypatch):
@@ -113,3 +141,21 @@ def test_the_command_line_writes_what_was_computed_and_exits_with_130(interrupte
     result = call(*words, "--out", str(tmp_path / "run.nc"))
     assert result.exit_code == 130 and "cancelled" in result.stdout
     assert lw.Run.load(tmp_path / "run.nc").status is lw.Status.CANCELLED
+
+
+def test_a_run_is_told_and_written_though_finding_its_error_is_interrupted(monkeypatch, tmp_path):
+    own, calls = passage.Passage.segments, []
+
+    def segments(self, begun):
+        if self.watching:
+            return own(self, begun)
+        calls.append(self)
+        raise KeyboardInterrupt
+
+    words = ["simulate", "double_pendulum", "--duration", "0.2"]
+    monkeypatch.setattr(passage.Passage, "segments", segments)
+    result = call(*words, "--out", str(tmp_path / "run.nc"))
+    assert result.exit_code == 130 and len(calls) == 1
+    run = lw.Run.load(tmp_path / "run.nc")
+    assert run.success and run.time[-1] == 0.2 and np.isnan(run.error_estimate)
+    assert "How far off it is, is not known" in run.message

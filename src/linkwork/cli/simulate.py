@@ -19,6 +19,7 @@ from linkwork.cli.terminal import console, facts, named, patience, show_json, ti
 from linkwork.control import Drive
 from linkwork.errors import LinkworkError
 from linkwork.model.labels import POSES
+from linkwork.patience import interruptions_held
 from linkwork.robot import Motion, Robot
 from linkwork.runs import running
 from linkwork.runs.endings import passed_limits
@@ -127,18 +128,30 @@ def simulate(
             forces = lead.law(robot, goal)
     with patience("simulating"):
         run = running.simulate(robot, state, forces, how, drives=load.own_drives(robot))
-        data = ending(robot, run, goal)
+        data, status = told_of(robot, run, goal)
     # How it went, and where it is.
     if target.file is not None:
-        run.save(target.file)
+        with interruptions_held() as came:
+            run.save(target.file)
+        status = INTERRUPTED if came() else status
         data["written"] = [target.file]
     if as_json:
         show_json(data)
-        return left_with(run)
+        return status
     print_ending(robot, data)
     if target.file is not None:
         console().print(f"{target.file} written", soft_wrap=True)
-    return left_with(run)
+    return status
+
+
+def told_of(robot: Robot, run: Run, goal: Any) -> tuple[dict[str, Any], int]:
+    """Return what is told of a run, and the exit status; Ctrl-C, now that the run is there, leaves
+    out how far off it is."""
+    try:
+        return ending(robot, run, goal), left_with(run)
+    except KeyboardInterrupt:
+        with interruptions_held():
+            return ending(robot, run, goal), INTERRUPTED
 
 
 def left_with(run: Run) -> int:

@@ -10,7 +10,8 @@ The message of a run tells of an error that is large beside the tolerance; with 
 no tolerance bounds, of one that is large beside the coordinate itself. So a step tells that is too
 long for a stiff spring or bristle, with which a run may come to its end all the same.
 
-The companion is run when it is first asked for. It covers what MOST steps cover.
+The companion is run when it is first asked for. It covers what MOST steps cover. Where it is
+interrupted the error is not known, and asked for once more the message says that.
 Source: Shampine, Numerical Solution of Ordinary Differential Equations (1994), on global errors by
 reintegration.
 """
@@ -67,6 +68,7 @@ class Compared:
     passage: Passage
     start: Departure
     segments: Sequence[Segment]
+    given_up = False  # whether finding the error was interrupted
 
     @property
     def known(self) -> bool:
@@ -94,7 +96,11 @@ class Compared:
             watching=False,
             interruptible=False,
         )
-        return list(other.segments(self.start))
+        try:
+            return list(other.segments(self.start))
+        except KeyboardInterrupt:
+            vars(self)["estimate"], vars(self)["given_up"] = None, True
+            raise
 
     @cached_property
     def estimate(self) -> Estimate | None:
@@ -129,6 +135,8 @@ class Compared:
     def caveat(self) -> str:
         """What is told of a large error, and what would lessen it; nothing where it is small."""
         found, settings = self.estimate, self.passage.settings
+        if self.given_up:
+            return " How far off it is, is not known: finding that was interrupted."
         step = settings.integrator.step
         most = WORTH_TELLING if step is None else ROUGH / settings.rtol
         if not (found and found.ratio > most):

@@ -1,12 +1,12 @@
 """Passage: lead a run from chart to chart, and over singular poses where the motion itself is
 smooth.
 
-A run is a chain of segments, each integrated in one chart, and long ones in portions, between which
-an interruption is heard. Where the chart's pivot falls below a
-soft bound the segment ends; if another chart is well conditioned there the next segment uses it: q
-stays, the rates are re-read. If none is, the configuration itself is nearly singular, and the run
-goes on in the same chart down to the hard bound, or, if asked, steps over it (`crossing`). Which
-chart is next is a matter of q (and p) alone, not of the charts known from elsewhere.
+A run is a chain of segments, each integrated in one chart, and long ones in portions; between them
+an interruption is heard. Where the chart's pivot falls below a soft bound the segment ends; if
+another chart is well conditioned there the next segment uses it: q stays, the rates are re-read. If
+none is, the configuration itself is nearly singular, and the run goes on in the same chart down to
+the hard bound, or, if asked, steps over it (`crossing`). Which chart is next is a matter of q (and
+p) alone, not of the charts known from elsewhere.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from linkwork.model import checks
 from linkwork.model.chart_transfer import reread
 from linkwork.model.charts import CompiledChart
 from linkwork.model.turning import turning
-from linkwork.patience import interruptions_held
+from linkwork.patience import kept_from_interruptions
 from linkwork.runs.crossing import Crossed, Crossing
 from linkwork.runs.next_chart import Choice, choice
 from linkwork.runs.settings import Settings
@@ -209,18 +209,22 @@ class Passage:
         While the bound is lowered segments are short, so that it is raised again when the pivots
         have recovered.
         """
-        while stand is not None:
-            if stand.over is not None:
-                yield stand.over
-                if stand.t == self.end or not stand.over.trajectory.success:
+        with kept_from_interruptions(self.interruptible) as interrupted:
+            while stand is not None:
+                if stand.over is not None:
+                    yield stand.over
+                    if stand.t == self.end or not stand.over.trajectory.success:
+                        return
+                trajectory = self._integrate(stand)
+                again = partial(self._again, stand, trajectory)
+                at, name = (stand.t, stand.q, stand.v), stand.method.name
+                lowered = self.lowered(stand)
+                yield Segment(stand.chart, trajectory, at, name, again, lowered=lowered)
+                stand.chart.count(trajectory.nfev)
+                stand = self.after(stand, trajectory)
+                if stand is not None and interrupted(stand.pace is not None):
+                    self.system = replace(self.system, faults=[KeyboardInterrupt()])
                     return
-            trajectory = self._integrate(stand)
-            again = partial(self._again, stand, trajectory)
-            at, name = (stand.t, stand.q, stand.v), stand.method.name
-            lowered = self.lowered(stand)
-            yield Segment(stand.chart, trajectory, at, name, again, lowered=lowered)
-            stand.chart.count(trajectory.nfev)
-            stand = self.after(stand, trajectory)
 
     def after(self, stand: Stand, done: Trajectory) -> Stand | None:
         """Return where the run stands after a segment, None at its end."""
@@ -308,13 +312,7 @@ class Passage:
         end, save_at = self.until(stand), self.settings.save_at
         if save_at is not None and not (stand.t == self.start and end == self.end):
             save_at = save_at[(save_at >= stand.t) & ((save_at <= end) | (end == self.end))]
-        if stand.pace is None or not self.interruptible:
-            return self._along(stand, end, save_at, self.system.inputs)
-        with interruptions_held() as came:
-            done = self._along(stand, end, save_at, self.system.inputs)
-        if came() and not (done.success and end == self.end):
-            self.system = replace(self.system, faults=[KeyboardInterrupt()])
-        return done
+        return self._along(stand, end, save_at, self.system.inputs)
 
     def _along(
         self, stand: Stand, end: float, save_at: np.ndarray | None, inputs: Signal
