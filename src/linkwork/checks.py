@@ -90,6 +90,31 @@ def reals(values: object) -> np.ndarray | None:
         return None
 
 
+def labelled(values: object) -> tuple[str, ...]:
+    """Return the names that a table, a series or a labelled array of pandas, Polars or xarray has
+    for the numbers of its last axis; none where these are not texts."""
+    known: Any = values
+    if not hasattr(values, "to_numpy"):
+        return getattr(values, "labels", ())
+    if hasattr(values, "dims"):
+        axes = [axis for axis in known.dims[-1:] if axis in known.coords]
+        found = known.coords[axes[0]].values if axes else ()
+    else:
+        found = getattr(values, "columns", getattr(values, "index", ()))
+    names = tuple(found)
+    return names if all(isinstance(name, str) for name in names) else ()
+
+
+def in_order(values: object, names: Sequence[str], what: str) -> None:
+    """Refuse numbers that are labelled otherwise than by these names in this order."""
+    found = labelled(values)
+    if found and found != tuple(names):
+        raise LinkworkError(
+            f"{what} come labelled {', '.join(found)}; give {', '.join(names)}, in this order, or "
+            "a mapping by name"
+        )
+
+
 def held(value: object) -> bool:
     """Tell whether something is a finite number that a double holds."""
     try:

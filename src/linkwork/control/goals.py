@@ -76,6 +76,7 @@ def target(goal: Goal, names: Names) -> DesiredMotion:
                 f"the goal has {checks.amount(width, 'column')}; give {count}: "
                 f"{', '.join(names.actuators)}"
             )
+        checks.in_order(goal, names.actuators, "the coordinates of the goal")
         return DesiredMotion(signal)
     # A motion, read off its states.
     if hasattr(goal, "time") and hasattr(goal, "state"):

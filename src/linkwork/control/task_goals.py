@@ -55,6 +55,7 @@ def task_course(goal: TaskGoal, model: TaskPlant, task: Task) -> TaskCourse:
             raise LinkworkError(
                 f"the goal has {width} columns; give {len(names)}: {', '.join(names)}"
             )
+        checks.in_order(goal, names, "the coordinates of the goal")
         return TaskCourse(DesiredMotion(signal), True)
     if isinstance(goal, Mapping):
         checks.known(goal, names, "coordinate of the task")

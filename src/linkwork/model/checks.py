@@ -14,6 +14,7 @@ from linkwork.checks import amount as amount
 from linkwork.checks import amount_is as amount_is
 from linkwork.checks import at as at
 from linkwork.checks import finite, reals, shown
+from linkwork.checks import in_order as in_order
 from linkwork.checks import known as known
 from linkwork.checks import names as names
 from linkwork.checks import number as number
@@ -82,6 +83,7 @@ def values_by_name(
     array = finite(values, what)
     if array.shape[-1:] != (len(names),):
         refuse_shape(array, what, names)
+    in_order(values, names, what)
     return array
 
 
@@ -120,6 +122,7 @@ def vector(
         )
     if array.shape[-1:] != (len(names),):
         refuse_shape(array, what, names)
+    in_order(values, names, what)
     return array
 
 

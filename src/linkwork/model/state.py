@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import amount, finite, reals, shown
+from linkwork.checks import amount, finite, in_order, reals, shown
 from linkwork.errors import LinkworkError
 from linkwork.notebooks import Portrayed
 from linkwork.readonly import ReadOnlyArrays
@@ -108,8 +108,8 @@ class State(ReadOnlyArrays):
                 f"rates {shown(values.tolist())} do not fit; give {len(self.independent)} finite "
                 f"numbers: {', '.join(self.independent)}"
             )
-        if values.shape != shape:
-            values = np.broadcast_to(values, shape).copy()
+        in_order(rates, self.independent, "the rates")
+        values = np.broadcast_to(values, shape).copy()
         return State.known(self.positions, values, self.q, self.coordinates, self.independent)
 
     def at(self, index: int | slice | np.ndarray) -> State:

@@ -276,4 +276,5 @@ def asked(robot: Model, tool: ArrayLike | Mapping[str, ArrayLike]) -> tuple[Tool
         values = checks.finite(tool, "tool")
         values = values if values.ndim else values[None]
         told = robot.once(asked_of, values.shape[-1])
+        checks.in_order(tool, told.labels, "the tool's coordinates")
     return told, told.given(values)

@@ -350,4 +350,5 @@ def forces_of_each(robot: Model, forces: Any) -> tuple[np.ndarray | list[Signal]
         return None, forces
     if table.ndim > 2 or table.shape[1] != len(robot.actuators):
         checks.refuse_shape(table, "forces", robot.actuators)
+    checks.in_order(forces, robot.actuators, "forces")
     return table, None

@@ -82,8 +82,7 @@ def simulate(
     begun = Departure(
         chart, state.q, v, system.start(robot, state.positions, state.q, z), control, turns, lowered
     )
-    segments = list(passage.segments(begun))
-    return record(Compared(robot, passage, begun, segments), state, besides)
+    return record(Compared(robot, passage, begun, [*passage.segments(begun)]), state, besides)
 
 
 def again(made: Compared, state: State, samples: int | np.ndarray | None) -> Run:

@@ -355,6 +355,7 @@ def plain(robot: Model, forces: Any) -> System:
             )
         return steady(u.tobytes())
     signal = as_signal(forces)
+    checks.in_order(forces, robot.actuators, "the forces")
     if signal.coefficients.shape[2] != n:
         raise LinkworkError(
             f"the forces have {signal.coefficients.shape[2]} columns; give {n}: "

@@ -6,14 +6,14 @@ Where a signal jumps or has a kink (`breaks`), the integrator ends a step exactl
 ever straddles one, and the order of the method is kept.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import among, amount, reals
+from linkwork.checks import among, amount, labelled, reals
 from linkwork.errors import LinkworkError
 from linkwork.readonly import ReadOnlyArrays
 
@@ -32,7 +32,8 @@ class Sampled(ReadOnlyArrays):
 
     `times` (N,) in s, strictly increasing, N >= 2; `values` (N, nu), or (N,) for a single input;
     `kind`: how to read between the samples: "spline" (the not-a-knot cubic, twice differentiable),
-    "linear", or "hold" (each value acts from its own time to the next: a zero-order hold).
+    "linear", or "hold" (each value acts from its own time to the next: a zero-order hold);
+    `labels`: the names of the columns of a table, which are looked at where it is used.
 
     Raises `LinkworkError` for other shapes, times that do not increase, and values that are not
     finite.
@@ -41,8 +42,10 @@ class Sampled(ReadOnlyArrays):
     times: np.ndarray
     values: np.ndarray
     kind: Kind = "spline"
+    labels: tuple[str, ...] = field(default=(), init=False, repr=False)
 
     def __post_init__(self):
+        object.__setattr__(self, "labels", labelled(self.values))
         times = _finite("sample times", self.times)
         values = _finite("sample values", self.values)
         if times.ndim != 1 or times.size < 2:
