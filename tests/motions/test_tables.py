@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from linkwork import LinkworkError, Robot, motions
+from linkwork import Body, Inertia, LinkworkError, Mechanism, RevoluteJoint, Robot, motions
 from linkwork.views import plot_timed_path
 
 from tests.catalogue import built
@@ -72,6 +72,28 @@ def test_bad_tables_are_refused(text, said, tmp_path):
     (tmp_path / "bad.csv").write_text(text)
     with pytest.raises(LinkworkError, match=said):
         motions.read_csv(tmp_path / "bad.csv")
+
+
+def test_names_with_marks_in_them_are_read_and_so_is_a_table_with_remarks(tmp_path):
+    text = "# by hand\ntime,blau links,d'Alembert,a,a',u a\n0,1,2,3,0,9\n , ,\n1,2,3,4,0,9\n"
+    (tmp_path / "names.csv").write_text(text)
+    assert motions.read_csv(tmp_path / "names.csv").names == ("blau links", "d'Alembert", "a")
+
+
+@pytest.mark.parametrize(("name", "column"), [("time", "time"), ("b'", "b'"), ("u b", "u b")])
+def test_joints_that_are_called_like_another_column_are_refused(name, column, tmp_path):
+    """One column would take the place of the other."""
+    bar = Body(mass=1.0, inertia=Inertia(zz=0.1))
+    joints = {
+        "b": RevoluteJoint(connects=("ground", "one")),
+        name: RevoluteJoint(connects=("one", "two")),
+    }
+    robot = Robot(Mechanism(bodies={"one": bar, "two": bar}, joints=joints, actuators=("b", name)))
+    timed = motions.point_to_point({"b": 0.0, name: 0.0}, {"b": 1.0, name: 2.0}, LIMITS)
+    motion = motions.follow(robot, timed, samples=5)
+    with pytest.raises(LinkworkError, match=f"would be called [\"']{column}[\"']: a joint has"):
+        motions.write_csv(tmp_path / "f.csv", motion, robot, forces=robot.inverse_dynamics(motion))
+    assert not (tmp_path / "f.csv").exists()
 
 
 def test_what_cannot_be_written_is_refused(robot, timed, tmp_path):

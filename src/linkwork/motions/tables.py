@@ -1,9 +1,9 @@
 """Tables: motions as text, comma-separated, a row for each time, for other programs and back.
 
 The columns are time [s], then of each coordinate x the value "x", its rate "x'" and its
-acceleration "x''" [m, rad, s]; forces of actuators are "u x". A table without rates is read as a
-spline through its values, one with rates as polynomials that have them, and accelerations if these
-are there, at each row.
+acceleration "x''" [m, rad, s]; forces of actuators are "u x". Empty lines and those that begin with
+# are passed over. A table without rates is read as a spline through its values, one with rates as
+polynomials that have them, and accelerations if these are there, at each row.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from linkwork.motions.timed_paths import TimedPath, sample_count
 from linkwork.robot import Robot
 from linkwork.simulation import Sampled
 
-TIME, FORCE = "time", "u "
+TIME, FORCE, REMARK = "time", "u ", "#"
 MARKS = ("", "'", "''")
 
 
@@ -69,7 +69,7 @@ def write_csv(
                 "give those of robot.inverse_dynamics(motion)"
             )
         values = zip(robot.actuators, forces.values.T, strict=True)
-        columns |= {f"{FORCE}{name}": value for name, value in values}
+        columns = apart(columns, {f"{FORCE}{name}": value for name, value in values})
     target = checks.file_path(path, "the path")
     with checks.writing(target), target.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
@@ -82,7 +82,7 @@ def of_path(timed: TimedPath, samples: int, robot: Robot | None) -> dict[str, np
     """Return the columns of a timed path."""
     time = np.linspace(0, timed.duration, sample_count(samples))
     parts = timed.sample(time)
-    return {TIME: time} | marked(labels_of(timed, parts[0].shape[1], robot), parts)
+    return apart({TIME: time}, marked(labels_of(timed, parts[0].shape[1], robot), parts))
 
 
 def labels_of(timed: TimedPath, count: int, robot: Robot | None = None) -> tuple[str, ...]:
@@ -109,12 +109,24 @@ def of_motion(motion: Motion, robot: Robot) -> dict[str, np.ndarray]:
         )
     columns = {TIME: motion.time}
     for name, values in zip(robot.coordinates, motion.positions.T, strict=True):
-        columns[name] = values
+        parts = [values]
         if name in robot.rates:
             place = robot.rates.index(name)
-            columns[f"{name}'"] = motion.joint_rates[:, place]
-            columns[f"{name}''"] = motion.joint_accelerations[:, place]
+            parts += [motion.joint_rates[:, place], motion.joint_accelerations[:, place]]
+        named = zip(MARKS, parts, strict=False)
+        columns = apart(columns, {f"{name}{mark}": part for mark, part in named})
     return columns
+
+
+def apart(columns: dict[str, np.ndarray], more: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return columns and more of them; refuse a name that both have."""
+    for name in more:
+        if name in columns:
+            raise LinkworkError(
+                f"two columns of the table would be called {name!r}: a joint has that name; rename "
+                "it"
+            )
+    return columns | more
 
 
 def marked(names: Sequence[str], parts: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
@@ -142,8 +154,11 @@ def read_csv(path: str | FilePath, names: Sequence[str] = ()) -> TimedPath:
             finite numbers, by its line; times that do not increase.
     """
     columns = read_columns(checks.file_path(path, "the path"))
+    rates = {f"{name}{mark}" for name in columns for mark in MARKS[1:]}
     wanted = [*names] or [
-        name for name in columns if name != TIME and "'" not in name and FORCE not in name
+        name
+        for name in columns
+        if name != TIME and name not in rates and not name.startswith(FORCE)
     ]
     checks.known(wanted, [*columns], "column")
     if not wanted:
@@ -155,23 +170,32 @@ def read_csv(path: str | FilePath, names: Sequence[str] = ()) -> TimedPath:
     return TimedPath.of(profile, tuple(wanted), ())
 
 
-def read_columns(path: FilePath) -> Mapping[str, np.ndarray]:
-    """Return the columns of a table by name."""
+def rows_of(path: FilePath) -> list[tuple[int, list[str]]]:
+    """Return the rows of a table with the numbers of their lines, without empty lines and
+    remarks."""
     try:
-        rows = [*csv.reader(path.read_text(encoding="utf-8-sig").splitlines())]
+        read = csv.reader(path.read_text(encoding="utf-8-sig").splitlines())
+        return [
+            (read.line_num, row)
+            for row in read
+            if any(text.strip() for text in row) and not row[0].lstrip().startswith(REMARK)
+        ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = (getattr(error, "strerror", None) or str(error)).lower()
         raise LinkworkError(f"'{path}' cannot be read as a table: {reason}") from None
-    header = [name.strip() for name in rows[0]] if rows else []
+
+
+def read_columns(path: FilePath) -> Mapping[str, np.ndarray]:
+    """Return the columns of a table by name."""
+    rows = rows_of(path)
+    header = [name.strip() for name in rows[0][1]] if rows else []
     if TIME not in header or len({*header}) < len(header):
         raise LinkworkError(
             f"'{path}' begins with {checks.shown(','.join(header))}; give a first line with the "
             "names of the columns, each once, 'time' among them"
         )
     numbers = []
-    for line, row in enumerate(rows[1:], 2):
-        if not row:
-            continue
+    for line, row in rows[1:]:
         with checks.at(f"'{path}', line {line}: "):
             if len(row) != len(header):
                 raise LinkworkError(f"it has {len(row)} values; give {len(header)}")
