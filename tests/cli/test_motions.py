@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.cli import entries
 from linkwork.cli.goal_words import CONTROLLERS, GOALS
 from linkwork.cli.measured_words import MeasuredWords
 from linkwork.cli.words import fields, values
@@ -227,6 +228,36 @@ RUN = ("simulate", "prr3", "--duration", 0.1)
 )  # fmt: skip
 def test_what_cannot_be_done_is_refused(words, sentence):
     assert sentence in refused(*words)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("follow", "nobody", "--path", CIRCLE, "--out"),
+        ("follow", "nobody", "--path", CIRCLE, "--forces-out"),
+        ("analyse", "nobody", "calibrate", "--poses", "no.csv", "--free", "a", "--out"),
+        ("analyse", "nobody", "workspace", "--grid", "x=0:1:3", "--out"),
+    ],
+)
+def test_files_that_cannot_be_written_are_refused_before_anything_is_computed(words, tmp_path):
+    suffix = {"follow": "csv", "calibrate": "yaml", "workspace": "nc"}[
+        words[0] if words[0] == "follow" else words[2]
+    ]
+    for folder, why in (("/proc", "nothing can be written"), (tmp_path / "no", "there is no fol")):
+        assert f"{words[-1]} {folder}/a.{suffix}: {why}" in refused(*words, f"{folder}/a.{suffix}")
+
+
+def test_commas_in_names_of_actuators_are_no_commas_between_columns(tmp_path):
+    arm = built("double_pendulum").mechanism.model_dump()
+    joints = {"a,b": arm["joints"].pop("hinge_1")} | arm["joints"]
+    arm |= {"joints": joints, "actuators": ["a,b", "hinge_2"], "reference": {}}
+    lw.Mechanism(**arm).save(tmp_path / "arm.yaml")
+    (tmp_path / "way.csv").write_text('time,"a,b",hinge_2\n0,0,0\n1,0.1,0.1\n2,0.3,0\n')
+    words = ("follow", tmp_path / "arm.yaml", "--path", tmp_path / "way.csv", "--forces-out")
+    assert call(*words, tmp_path / "forces.csv").exit_code == 0
+    names = ("a,b", "hinge_2")
+    _, values = entries.read_columns(tmp_path / "forces.csv", names)
+    assert values.shape == (101, 2)
 
 
 def test_a_table_has_times_of_its_own(tmp_path):

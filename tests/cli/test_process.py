@@ -1,6 +1,11 @@
 """The command as users start it: a process, its exit status and its two streams."""
 
 import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
 
 from tests.processes import PATIENCE, finished, python
 
@@ -45,6 +50,26 @@ def test_the_views_load_matplotlib_only_to_draw():
         run(code="import sys, linkwork.views; print('matplotlib' in sys.modules)").stdout
         == "False\n"
     )
+
+
+def test_warnings_are_one_sentence_each(tmp_path):
+    (tmp_path / "file").touch()
+    with_cache = {**os.environ, "LINKWORK_CACHE_DIR": str(tmp_path / "file" / "cache")}
+    result = finished("-m", "linkwork", "info", "pendulum", env=with_cache)
+    assert result.returncode == 0
+    assert result.stderr.startswith("linkwork: warning: Kernels cannot be cached in ")
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is full")
+@pytest.mark.parametrize("words", [("--help",), ("--version",), ("info", "--help"), ("robots",)])
+def test_an_output_that_takes_nothing_is_refused(words):
+    with open("/dev/full", "w") as full:
+        result = finished(
+            "-m", "linkwork", *words, capture_output=False, stdout=full, stderr=subprocess.PIPE
+        )
+    assert result.returncode == 2
+    assert result.stderr == "linkwork: no space left on device\n"
 
 
 def test_an_output_that_nobody_reads_to_its_end_is_no_error():

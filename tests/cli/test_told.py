@@ -11,7 +11,7 @@ import typer
 import linkwork as lw
 from linkwork.cli import app
 from linkwork.cli.options import files_like, methods_like, robots_like
-from linkwork.cli.terminal import broken, console, plain, table, tidy
+from linkwork.cli.terminal import broken, console, facts, plain, table, tidy
 from linkwork.simulation.methods import METHODS
 
 from tests.cli.calls import call
@@ -54,6 +54,12 @@ def test_lists_of_facts_are_broken_between_their_parts():
     assert max(map(len, lines)) <= 40 and " ".join(lines) == text
     assert not any(line.endswith(("joint_", " ")) or re.match(r"\d", line) for line in lines)
     assert broken("a sentence, " * 5 + "x" * 60, 40).count("\n") == 0
+
+
+def test_a_name_that_is_longer_than_a_line_is_told_whole(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "40")
+    lines = printed(facts([("joint", "x" * 70)]))
+    assert "".join(lines).count("x") == 70 and max(map(len, lines)) <= 40
 
 
 def test_what_is_rounding_is_shown_as_zero():

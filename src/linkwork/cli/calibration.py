@@ -14,7 +14,7 @@ from linkwork.analysis._observability import told as summed
 from linkwork.analysis.calibration import Calibration
 from linkwork.checks import at
 from linkwork.cli import studies
-from linkwork.cli.catalogue import refuse_existing
+from linkwork.cli.catalogue import refuse_unwritable
 from linkwork.cli.entries import names, read_table
 from linkwork.cli.source import Source
 from linkwork.cli.terminal import console, facts, patience, show_json, table
@@ -50,7 +50,7 @@ class MeasuredTable:
             raise LinkworkError(
                 f"--out {self.out}: give a name that ends in {' or '.join(SUFFIXES)}"
             )
-        refuse_existing(self.out, self.overwrite)
+        refuse_unwritable("--out", self.out, self.overwrite)
 
 
 def calibrate(

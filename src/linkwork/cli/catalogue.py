@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from linkwork import robots
 from linkwork.cli.caveats import tell
@@ -87,3 +88,20 @@ def refuse_existing(file: Path, overwrite: bool) -> None:
     """Refuse to replace a file without being asked to."""
     if file.exists() and not overwrite:
         raise LinkworkError(f"{file} exists; give another name, or --overwrite to replace it")
+
+
+def refuse_unwritable(option: str, file: Path, overwrite: bool) -> None:
+    """Refuse a file that cannot be written, or replaced without being asked to, before anything is
+    computed."""
+    if not file.parent.is_dir():
+        raise LinkworkError(f"{option} {file}: there is no folder '{file.parent}'")
+    if file.is_dir():
+        raise LinkworkError(f"{option} {file}: is a folder; name a file in it")
+    refuse_existing(file, overwrite)
+    try:
+        TemporaryFile(dir=file.parent).close()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise LinkworkError(
+            f"{option} {file}: nothing can be written into '{file.parent}': {reason}"
+        ) from None

@@ -7,7 +7,6 @@ import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any
 
 from linkwork.errors import LinkworkError, ModelWarning
 
@@ -16,17 +15,10 @@ STRICT = "--strict"
 
 @contextmanager
 def told(strict: bool) -> Iterator[None]:
-    """Print warnings of models on stderr; with `strict` the first one is a refusal."""
+    """Print warnings on stderr, each in a sentence; with `strict` the first one of a model is a
+    refusal."""
     with warnings.catch_warnings():
-        usual = warnings.showwarning
-
-        def show(message: Any, category: type[Warning], *place: Any, **more: Any) -> None:
-            if issubclass(category, ModelWarning):
-                say("warning", str(message))
-            else:
-                usual(message, category, *place, **more)
-
-        warnings.showwarning = show
+        warnings.showwarning = lambda message, *_, **__: say("warning", str(message))
         warnings.simplefilter("error" if strict else "always", ModelWarning)
         try:
             yield

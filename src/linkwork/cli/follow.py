@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from linkwork.checks import amount
-from linkwork.cli.catalogue import built, refuse_existing
+from linkwork.checks import amount, writing
+from linkwork.cli.catalogue import built, refuse_unwritable
 from linkwork.cli.goal_words import along, tabled
 from linkwork.cli.source import Source
 from linkwork.cli.start import StartOptions
@@ -40,9 +41,7 @@ class Files:
                 continue
             if file.suffix.lower() != SUFFIX:
                 raise LinkworkError(f"{option} {file}: a table is written as {SUFFIX}")
-            if not file.parent.is_dir():
-                raise LinkworkError(f"{option} {file}: there is no folder '{file.parent}'")
-            refuse_existing(file, self.overwrite)
+            refuse_unwritable(option, file, self.overwrite)
         if self.motion and self.forces and self.motion.resolve() == self.forces.resolve():
             raise LinkworkError(f"--out and --forces-out are both {self.motion}; name two files")
 
@@ -53,9 +52,10 @@ class Files:
             written.append(write_csv(self.motion, motion, robot, forces=forces))
         if self.forces is not None:
             assert forces is not None
-            head = ",".join(["time", *robot.actuators])
-            rows = np.column_stack([forces.times, forces.values])
-            np.savetxt(self.forces, rows, "%.17g", ",", header=head, comments="")
+            with writing(self.forces), self.forces.open("w", newline="", encoding="utf-8") as file:
+                rows = csv.writer(file)
+                rows.writerow(["time", *robot.actuators])
+                rows.writerows(np.column_stack([forces.times, forces.values]).tolist())
             written.append(self.forces)
         return written
 

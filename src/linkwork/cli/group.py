@@ -44,7 +44,9 @@ class CommandGroup(Subcommands):
         words = [*anywhere, *(arg for arg in args if arg not in anywhere)]
         try:
             return super().parse_args(ctx, words)
-        except usage.UsageError as error:
+        except BrokenPipeError:
+            raise
+        except (usage.UsageError, OSError) as error:
             refuse(error)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:

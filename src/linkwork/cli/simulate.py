@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any, Literal
 
 import numpy as np
 
-from linkwork.cli.catalogue import built, refuse_existing
+from linkwork.cli.catalogue import built, refuse_unwritable
 from linkwork.cli.entries import by_name, read_columns
 from linkwork.cli.goal_words import Lead, off_goal
 from linkwork.cli.source import Source
@@ -83,18 +82,7 @@ class Target:
                 f"--out {self.file}: a run is written as {' or '.join(FORMATS)}, not "
                 f"{self.file.suffix!r}"
             )
-        if not self.file.parent.is_dir():
-            raise LinkworkError(f"--out {self.file}: there is no folder '{self.file.parent}'")
-        if self.file.is_dir():
-            raise LinkworkError(f"--out {self.file}: is a folder; name a file in it")
-        refuse_existing(self.file, self.overwrite)
-        try:
-            TemporaryFile(dir=self.file.parent).close()
-        except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            raise LinkworkError(
-                f"--out {self.file}: nothing can be written into '{self.file.parent}': {reason}"
-            ) from None
+        refuse_unwritable("--out", self.file, self.overwrite)
 
 
 def settings(duration: float, samples: int, **options: Any) -> Settings:

@@ -11,7 +11,7 @@ import numpy as np
 
 from linkwork import analysis
 from linkwork.checks import amount
-from linkwork.cli.catalogue import built, refuse_existing
+from linkwork.cli.catalogue import built, refuse_unwritable
 from linkwork.cli.entries import by_name, names, number
 from linkwork.cli.grid_words import axes, ranges
 from linkwork.cli.poses import (
@@ -74,9 +74,7 @@ class Map:
                     f"{option} {file}: give a name that ends in {' or '.join(suffixes)}, not "
                     f"{file.suffix!r}"
                 )
-            if not file.parent.is_dir():
-                raise LinkworkError(f"{option} {file}: there is no folder '{file.parent}'")
-            refuse_existing(file, self.overwrite)
+            refuse_unwritable(option, file, self.overwrite)
 
 
 def modes(

@@ -82,6 +82,8 @@ def facts(rows: Sequence[tuple[str, str]]) -> Table:
     """Return a list of names and values; a value that is itself a list is broken between its
     parts."""
     made = Table.grid(padding=(0, 2, 0, 0))
+    made.add_column()
+    made.add_column(overflow="fold")
     width = console().width - max((len(name) for name, _ in rows), default=0) - 2 * BETWEEN
     for name, value in rows:
         made.add_row(Text(name, style="bold"), Text(broken(value, width)))
