@@ -340,6 +340,13 @@ def test_circles_lie_in_lengths_equally_spaced():
         inscribed(mapped)
 
 
+@pytest.mark.parametrize("at_least", ["much", np.nan, None, [0.1, 0.2]])
+def test_the_least_conditioning_of_a_circle_is_a_number(at_least):
+    mapped = workspace(arm(1.0, 0.6), plane(5, (-1.5, -1.5), (1.5, 1.5)))
+    with pytest.raises(lw.LinkworkError, match="at_least.* is .*; give"):
+        inscribed(mapped, at_least=at_least)
+
+
 def test_as_many_threads_as_processors_may_be_used(monkeypatch):
     """One processor allowed: the parts are done in one thread, however many the machine has."""
     monkeypatch.setattr("os.sched_getaffinity", lambda _: {0}, raising=False)

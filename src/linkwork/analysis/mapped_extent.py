@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from linkwork.checks import shown
+from linkwork.checks import number, shown
 from linkwork.errors import LinkworkError
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[st
         centre by coordinate [m], radius [m]; the radius is zero where nothing is reached.
 
     Raises:
-        LinkworkError: axes that are angles or not equally spaced.
+        LinkworkError: axes that are angles or not equally spaced; no number.
     """
     from scipy.ndimage import distance_transform_edt
 
@@ -43,7 +43,8 @@ def inscribed(mapped: xarray.Dataset, *, at_least: float = 0.0) -> tuple[dict[st
             raise LinkworkError(
                 f"{name} is no axis of equally spaced lengths; a circle or sphere lies in x, y, z"
             )
-    inside = mapped["reachable"].values & ~(mapped["conditioning"].values < at_least)
+    least = number(at_least, "at_least")
+    inside = mapped["reachable"].values & ~(mapped["conditioning"].values < least)
     spacing = [abs(axis[1] - axis[0]) for axis in axes]
     distance = np.asarray(distance_transform_edt(np.pad(inside, 1), spacing))[
         (slice(1, -1),) * len(dims)
