@@ -360,6 +360,14 @@ def test_a_name_that_holds_the_letters_of_patterns_is_a_name():
     assert [*robot.free("link[0].mass").parameters] == ["link[0].mass"]
 
 
+def test_numbers_that_are_free_already_stay_so():
+    robot = lw.Robot("prr3").free("platform.mass").with_parameters({"platform.mass": 1.5})
+    more = robot.free("platform.mass", "link_1.mass")
+    assert more.parameters == robot.free("link_1.mass").parameters
+    with pytest.raises(lw.LinkworkError, match="name it once"):
+        robot.free("link_1.mass", "link_1.mass")
+
+
 def test_patterns_free_all_numbers_that_they_match():
     """As the same paths do one by one; those that are free already stay where they are."""
     robot = lw.Robot("prr3").free("platform.mass")

@@ -31,11 +31,11 @@ def is_pattern(path: object) -> bool:
 
 
 def freed(mechanism: Mechanism, free: Sequence[str], paths: Sequence[str]) -> tuple[str, ...]:
-    """Return the paths of numbers that are free and of those that are to be, each once where a
-    pattern matches it."""
+    """Return the paths of numbers that are free and of those that are to be; one that is free stays
+    so, and what a pattern matches is taken once."""
     found = [*free]
     for path in paths:
-        own = paths_of(mechanism, path)
+        own = [each for each in paths_of(mechanism, path) if each not in free]
         if is_pattern(path):
             taken = {located(mechanism, each)[0] for each in found}
             own = [each for each in own if located(mechanism, each)[0] not in taken]
