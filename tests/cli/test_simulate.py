@@ -1,11 +1,14 @@
 """Runs from the command line: the same numbers as the library's, where they start and end, what is
 refused."""
 
+import json
+
 import numpy as np
 import pytest
 import xarray
 
 import linkwork as lw
+from linkwork.cli.simulate import MOST_CHARTS
 
 from tests.catalogue import built
 from tests.cli.calls import call, refused
@@ -266,3 +269,12 @@ def test_forces_are_commands_of_the_descriptions_own_drives_on_request(tmp_path)
         np.testing.assert_allclose(run["actuator_force"], expected["actuator_force"], rtol=1e-12)
     words = refused("simulate", "pendulum", "--duration", 1, "--drives")
     assert "the description gives no drives" in words
+
+
+def test_of_many_changes_of_chart_the_first_and_the_last_are_told():
+    words = ("simulate", "prr3", "--duration", 6, "--forces", "0.5,0,0")
+    charts = json.loads(call(*words, "--json").stdout)["independent"].split("; ")
+    told = " ".join(call(*words).stdout.split())
+    assert len(charts) > MOST_CHARTS
+    assert f"... {len(charts) - MOST_CHARTS} more; {charts[-1]}" in told
+    assert charts[MOST_CHARTS - 2] in told and charts[MOST_CHARTS - 1] not in told

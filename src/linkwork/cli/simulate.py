@@ -27,6 +27,7 @@ from linkwork.simulation import Run, Sampled, Status
 
 FORMATS = (".nc", ".csv")
 FEW = 12  # joint coordinates that are all printed; of more those of the actuated joints
+MOST_CHARTS = 8  # changes of the independent rates that are printed
 SAMPLES = 201  # of a path that a controller follows
 INTERRUPTED = 130  # exit status, as of programs that Ctrl-C ends
 
@@ -183,6 +184,15 @@ def ending(robot: Robot, run: Run, goal: Any) -> dict[str, Any]:
     return found
 
 
+def shortened(charts: str) -> str:
+    """Return in which rates a run went, of many changes the first ones and the last."""
+    parts = charts.split("; ")
+    if len(parts) <= MOST_CHARTS:
+        return charts
+    left_out = f"... {len(parts) - MOST_CHARTS:,} more"
+    return "; ".join([*parts[: MOST_CHARTS - 1], left_out, parts[-1]])
+
+
 def print_ending(robot: Robot, data: Mapping[str, Any]) -> None:
     """Print how a run ended."""
     rows = [
@@ -193,7 +203,7 @@ def print_ending(robot: Robot, data: Mapping[str, Any]) -> None:
             "evaluations",
             f"{data['evaluations']} of the equations of motion, {data['projections']} projections",
         ),
-        ("independent", str(data["independent"])),
+        ("independent", shortened(str(data["independent"]))),
         ("closure error", f"{data['closure_error']:.2g} (own lengths, rad)"),
         ("smallest pivot", f"{data['pivot']:.3g} at {data['pivot_time']:.4g} s"),
         ("limits passed", "; ".join(data["limits_passed"]) or "none"),
