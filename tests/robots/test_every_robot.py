@@ -6,7 +6,7 @@ import inspect
 import numpy as np
 import pytest
 
-from linkwork import Mechanism, robots
+from linkwork import Mechanism, MechanismError, robots
 from linkwork.cli.catalogue import subject
 
 from tests.oracle.maximal import MaximalOracle
@@ -57,3 +57,19 @@ def test_a_saved_robot_is_the_same(name, tmp_path):
     path = tmp_path / "robot.yaml"
     mechanism.save(path)
     assert Mechanism.load(path) == mechanism
+
+
+OTHERS = ("wide", None, [0.1], 1j, True, {"x": 1.0}, np.zeros((2, 2)), object(), float("nan"))
+
+
+@every_robot
+def test_arguments_of_another_kind_are_refused_by_name(name):
+    describe = getattr(robots, name)
+    for parameter in inspect.signature(describe).parameters.values():
+        for other in OTHERS:
+            alike = np.shape(other) == np.shape(parameter.default) == (1,)
+            if alike or (isinstance(other, bool) and isinstance(parameter.default, bool)):
+                continue
+            with pytest.raises(MechanismError) as refusal:
+                describe(**{parameter.name: other})
+            assert "\n" not in str(refusal.value)

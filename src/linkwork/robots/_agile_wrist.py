@@ -19,7 +19,7 @@ from math import pi, sqrt
 import numpy as np
 
 from linkwork.mechanism import Body, Inertia, Mechanism, RevoluteJoint, Tool
-from linkwork.robots.uniform import require_masses, require_sizes, vector
+from linkwork.robots.uniform import require_kinds, require_masses, require_sizes, vector
 
 ON_EDGE = (-9.81 / sqrt(3), -9.81 / sqrt(3), -9.81 / sqrt(3))
 
@@ -61,6 +61,7 @@ def agile_wrist(
     202-207; Bidault, Teng & Angeles, Structural optimization of a spherical parallel manipulator
     using a two-level approach, ASME DETC 2001 (the Agile Wrist); dimensions ours.
     """
+    require_kinds(agile_wrist, locals())
     require_sizes(
         proximal_radius=proximal_radius,
         distal_radius=distal_radius,

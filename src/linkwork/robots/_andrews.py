@@ -32,6 +32,7 @@ from linkwork.mechanism import (
     Tool,
 )
 from linkwork.robots.plane import Point, meet
+from linkwork.robots.uniform import require_kinds
 
 ANGLES = ("beta", "Theta", "gamma", "Phi", "delta", "Omega", "epsilon")
 
@@ -86,6 +87,7 @@ def andrews(
     Differential Equations II, sec. VII.7; data of the IVP test set (Mazzia & Magherini, 2008),
     which is IFToMM problem A03 too.
     """
+    require_kinds(andrews, locals())
     # Bodies with their mass centres in the axes of the original paper's figure.
     centres = (
         (ra, 0.0),

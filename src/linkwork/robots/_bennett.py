@@ -16,7 +16,14 @@ from __future__ import annotations
 from math import asin, atan2, cos, isfinite, pi, sin
 
 from linkwork.mechanism import Frame, Mechanism, MechanismError, RevoluteJoint, Tool
-from linkwork.robots.uniform import ALONG_X, require_masses, require_sizes, rod, tube_mass
+from linkwork.robots.uniform import (
+    ALONG_X,
+    require_kinds,
+    require_masses,
+    require_sizes,
+    rod,
+    tube_mass,
+)
 
 
 def bennett(
@@ -53,6 +60,7 @@ def bennett(
     Source: Bennett, A new mechanism, Engineering 76 (1903) 777-778; closure as in Hunt, Kinematic
     Geometry of Mechanisms, 1978; dimensions ours.
     """
+    require_kinds(bennett, locals())
     # sin(alpha) / a = sin(beta) / b: the second twist follows.
     require_sizes(length_1=length_1, length_2=length_2, link_radius=link_radius)
     require_masses(density=density)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, RevoluteJoint
+from linkwork.robots.uniform import require_kinds
 
 # A closed hexagon along edges of a cube that hangs below the ground's first corner, y being up; the
 # edge from the last corner to the first is ground.
@@ -28,6 +29,7 @@ def bricard(length: float = 1.0, mass: float = 1.0, section: float = 0.1) -> Mec
     corners as in the models of it for OpenSim (Tagliapietra, Vivian & Reggiani) and Exudyn
     (Gerstmayr), which agree.
     """
+    require_kinds(bricard, locals())
     corners = length * np.array(CORNERS, float)
     names = ["ground", *(f"rod_{i}" for i in range(1, 6))]
     along, across = mass * section**2 / 6, mass * (length**2 + section**2) / 12

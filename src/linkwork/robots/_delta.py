@@ -20,7 +20,7 @@ from linkwork.robots.arms import Arms, arm_angle
 from linkwork.robots.points import TRIANGLE, compass
 from linkwork.robots.poses import QuaternionPose, free_coordinates
 from linkwork.robots.rods import End, Parts, Rods
-from linkwork.robots.uniform import ALONG_Y, disc, require_masses, require_sizes
+from linkwork.robots.uniform import ALONG_Y, disc, require_kinds, require_masses, require_sizes
 
 
 def delta(
@@ -72,6 +72,7 @@ def delta(
     University 2015 (ABB FlexPicker IRB 360-1/1600: base, platform, arm, rod, spread); masses,
     radii, motor_inertia and height ours.
     """
+    require_kinds(delta, locals())
     # The platform lies level below the base: all arms hang at one angle.
     require_sizes(
         base_radius=base_radius,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, RevoluteJoint, Tool
+from linkwork.robots.uniform import require_kinds
 
 
 def five_bar(
@@ -24,6 +25,7 @@ def five_bar(
     Source: geometry as in Liu, Wang & Pritschow, Mechanism and Machine Theory 41 (2006) 119-144;
     dimensions ours.
     """
+    require_kinds(five_bar, locals())
 
     def rod(length: float, mass: float) -> Body:
         return Body(

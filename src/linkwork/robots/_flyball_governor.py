@@ -16,7 +16,7 @@ move. In the reference both springs are without tension: s = h - l/2 sin a - sqr
 
 from __future__ import annotations
 
-from math import cos, pi, sin, sqrt
+from math import cos, isfinite, pi, sin, sqrt
 
 from linkwork.mechanism import (
     Body,
@@ -29,7 +29,7 @@ from linkwork.mechanism import (
     RevoluteJoint,
     Tool,
 )
-from linkwork.robots.uniform import cube, require_masses, require_sizes
+from linkwork.robots.uniform import cube, require_kinds, require_masses, require_sizes
 
 
 def flyball_governor(
@@ -73,9 +73,12 @@ def flyball_governor(
 
     Source: IFToMM library of computational benchmark problems, A05, stiff flyball governor.
     """
+    require_kinds(flyball_governor, locals())
     # The springs have to reach the slider, however much they pull there.
     require_sizes(height=height, rod=rod, section=section, side=side, rest_length=rest_length)
     require_masses(density=density, ball_mass=ball_mass)
+    if not isfinite(angle):
+        raise MechanismError(f"is {angle}; give a finite angle [rad]", ("angle",))
     across = rod / 2 * abs(cos(angle))
     if not across < rest_length:
         raise MechanismError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import pi
 
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, RevoluteJoint, Tool
+from linkwork.robots.uniform import require_kinds
 
 
 def four_bar(
@@ -30,6 +31,7 @@ def four_bar(
     Source: RigidBodyDynamics.jl, example "Four-bar linkage" (its lengths and masses; gravity there
     is along -z of a frame whose z lies in the plane).
     """
+    require_kinds(four_bar, locals())
     # Bodies, each along its own x axis.
     names = ("crank", "coupler", "rocker")
     bodies = {
@@ -79,6 +81,7 @@ def n_four_bar(loops: int = 2, length: float = 1.0, mass: float = 1.0) -> Mechan
 
     Source: IFToMM library of computational benchmark problems, A02, N-four-bar mechanism.
     """
+    require_kinds(n_four_bar, locals())
     rod = Body(
         mass=mass, centre_of_mass=(length / 2, 0, 0), inertia=Inertia(zz=mass * length**2 / 12)
     )

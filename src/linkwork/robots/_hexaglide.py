@@ -20,7 +20,14 @@ from linkwork.mechanism import Frame, FreeJoint, Mechanism, MechanismError, Pris
 from linkwork.robots.points import circle, six_points
 from linkwork.robots.poses import QuaternionPose, free_coordinates
 from linkwork.robots.rods import End, Parts, Rods
-from linkwork.robots.uniform import ALONG_X, cube, disc, require_masses, require_sizes
+from linkwork.robots.uniform import (
+    ALONG_X,
+    cube,
+    disc,
+    require_kinds,
+    require_masses,
+    require_sizes,
+)
 
 RAILS = (0.5, 0.1, 0.1, -0.5, -0.1, -0.1)
 SIDES = (1, 1, -1, 1, 1, -1)
@@ -74,6 +81,7 @@ def hexaglide(
     Source: Honegger, Codourey & Burdet, Adaptive control of the Hexaglide, a 6 dof parallel
     manipulator, IEEE ICRA 1997; layout of the rails and dimensions ours.
     """
+    require_kinds(hexaglide, locals())
     # What is given makes six legs.
     require_sizes(rod=rod, platform_radius=platform_radius, rod_radius=rod_radius)
     require_masses(carriage_mass=carriage_mass, platform_mass=platform_mass, rod_mass=rod_mass)

@@ -19,7 +19,7 @@ from linkwork.mechanism import Frame, FreeJoint, Mechanism, MechanismError, Pris
 from linkwork.robots.points import TRIANGLE, compass
 from linkwork.robots.poses import QuaternionPose, free_coordinates
 from linkwork.robots.rods import End, Parts, Rods
-from linkwork.robots.uniform import cube, disc, require_masses, require_sizes, vector
+from linkwork.robots.uniform import cube, disc, require_kinds, require_masses, require_sizes, vector
 
 
 def linear_delta(
@@ -62,6 +62,7 @@ def linear_delta(
     Source: geometry as in Williams, The Delta parallel robot: kinematics solutions, Ohio University
     2015, prismatic inputs; dimensions ours.
     """
+    require_kinds(linear_delta, locals())
     # Carriages stand above the platform, all at one height.
     require_sizes(
         base_radius=base_radius,

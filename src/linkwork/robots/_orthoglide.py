@@ -15,7 +15,7 @@ import numpy as np
 from linkwork.mechanism import Frame, FreeJoint, Mechanism, PrismaticJoint, Tool
 from linkwork.robots.poses import QuaternionPose, free_coordinates
 from linkwork.robots.rods import End, Parts, Rods
-from linkwork.robots.uniform import cube, require_masses, require_sizes, vector
+from linkwork.robots.uniform import cube, require_kinds, require_masses, require_sizes, vector
 
 
 def orthoglide(
@@ -61,6 +61,7 @@ def orthoglide(
     Advances in Robot Kinematics 2000; length: Chablat & Wenger, IEEE Transactions on Robotics and
     Automation 19 (2003) 403-410.
     """
+    require_kinds(orthoglide, locals())
     require_sizes(rod=rod, offset=offset, spread=spread, rod_radius=rod_radius)
     require_masses(carriage_mass=carriage_mass, platform_mass=platform_mass, rod_mass=rod_mass)
     centre = QuaternionPose.of(Frame())

@@ -28,7 +28,14 @@ from linkwork.robots.arms import Arms, arm_angle
 from linkwork.robots.points import compass
 from linkwork.robots.poses import QuaternionPose, free_coordinates
 from linkwork.robots.rods import End, Parts, Rods
-from linkwork.robots.uniform import ALONG_X, ALONG_Y, require_masses, require_sizes, vector
+from linkwork.robots.uniform import (
+    ALONG_X,
+    ALONG_Y,
+    require_kinds,
+    require_masses,
+    require_sizes,
+    vector,
+)
 from linkwork.robots.uniform import rod as round_rod
 
 AZIMUTHS = {"right": (-pi / 4, pi / 4), "left": (3 * pi / 4, 5 * pi / 4)}
@@ -89,6 +96,7 @@ def par4(
     for pick-and-place, International Conference on Intelligent Robots and Systems 2005;
     dimensions and masses ours.
     """
+    require_kinds(par4, locals())
     require_sizes(
         base_radius=base_radius,
         platform_radius=platform_radius,

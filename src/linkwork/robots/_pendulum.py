@@ -8,7 +8,7 @@ hinge_i one mass:  l q'' = -g cos q
 from __future__ import annotations
 
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, RevoluteJoint, Tool
-from linkwork.robots.uniform import require_sizes
+from linkwork.robots.uniform import require_kinds, require_sizes
 
 
 def pendulum(
@@ -36,6 +36,7 @@ def pendulum(
     Source: IFToMM library of computational benchmark problems, A01, simple pendulum (one mass of 1
     kg at 1 m).
     """
+    require_kinds(pendulum, locals())
     if not 0 < len(lengths) == len(masses):
         raise MechanismError(
             f"{len(lengths)} lengths and {len(masses)} masses; give one mass at the end of each rod"
@@ -82,4 +83,5 @@ def double_pendulum(
 
     Source: Landau & Lifshitz, Mechanics, sec. 5, problem 1; dimensions ours.
     """
+    require_kinds(double_pendulum, locals())
     return pendulum(lengths, masses, gravity).model_copy(update={"name": "double pendulum"})

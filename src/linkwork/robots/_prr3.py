@@ -26,6 +26,7 @@ from linkwork.mechanism import (
     RevoluteJoint,
     Tool,
 )
+from linkwork.robots.uniform import require_kinds
 
 ALONG_X = (1.0, 0.0, 0.0)
 
@@ -60,6 +61,7 @@ def prr3(
 
     Source: the paper, section 2 and Table 1.
     """
+    require_kinds(prr3, locals())
     corners = ((0.0, 0.0), (l3, 0.0), (l3 / 2, sqrt(3) / 2 * l3))
     # A leg: a slider along a side of the base's triangle, a link, and a corner of the platform.
     slides, pivots, wrists = {}, {}, {}

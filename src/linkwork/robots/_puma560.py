@@ -26,7 +26,7 @@ from linkwork.mechanism import (
     RevoluteJoint,
     Tool,
 )
-from linkwork.robots.uniform import require_sizes, vector
+from linkwork.robots.uniform import require_kinds, require_sizes, vector
 
 d = (0.672, 0.0, 0.15005, 0.4318, 0.0, 0.0)  # [m]
 a = (0.0, 0.4318, 0.0203, 0.0, 0.0, 0.0)  # [m]
@@ -97,6 +97,7 @@ def puma560(
     parameters reported for the PUMA 560 robot, ICRA 1994, in the numbers of Corke's Robotics
     Toolbox.
     """
+    require_kinds(puma560, locals())
     require_sizes(base=base)
     names = ["ground", *(f"link_{i}" for i in range(1, 7))]
     bodies = {

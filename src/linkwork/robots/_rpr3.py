@@ -19,7 +19,7 @@ from math import atan2, cos, hypot, pi, sin, sqrt
 
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, PrismaticJoint, RevoluteJoint, Tool
 from linkwork.robots.plane import corners, uniform_rod, vertices
-from linkwork.robots.uniform import ALONG_X, require_masses, require_sizes
+from linkwork.robots.uniform import ALONG_X, require_kinds, require_masses, require_sizes
 
 TURN = pi / 3
 
@@ -57,6 +57,7 @@ def rpr3(
     Source: architecture as in Gosselin & Sefrioui, Polynomial solutions for the direct kinematic
     problem of planar three-degree-of-freedom parallel manipulators, ICAR 1991; dimensions ours.
     """
+    require_kinds(rpr3, locals())
     require_sizes(base=base, radius=radius, cylinder=cylinder, piston=piston)
     require_masses(
         cylinder_mass=cylinder_mass, piston_mass=piston_mass, platform_mass=platform_mass

@@ -18,7 +18,7 @@ from math import atan2, remainder, sqrt, tau
 
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, RevoluteJoint, Tool
 from linkwork.robots.plane import corners, meet, uniform_rod, vertices
-from linkwork.robots.uniform import require_masses, require_sizes
+from linkwork.robots.uniform import require_kinds, require_masses, require_sizes
 
 
 def rrr3(
@@ -54,6 +54,7 @@ def rrr3(
     three-degree-of-freedom parallel manipulator, J. Mech. Trans. Automation in Design 110 (1988)
     35-41; dimensions ours.
     """
+    require_kinds(rrr3, locals())
     require_sizes(base=base, proximal=proximal, distal=distal, radius=radius)
     require_masses(
         proximal_mass=proximal_mass, distal_mass=distal_mass, platform_mass=platform_mass

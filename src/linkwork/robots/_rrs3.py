@@ -31,7 +31,15 @@ from linkwork.mechanism import (
 from linkwork.robots.points import compass
 from linkwork.robots.poses import ball_coordinates, turn
 from linkwork.robots.rods import Parts
-from linkwork.robots.uniform import ALONG_X, disc, require_masses, require_sizes, rod, vector
+from linkwork.robots.uniform import (
+    ALONG_X,
+    disc,
+    require_kinds,
+    require_masses,
+    require_sizes,
+    rod,
+    vector,
+)
 
 AZIMUTHS = (0.0, 2 * pi / 3, 4 * pi / 3)
 BACK = (0.0, -1.0, 0.0)
@@ -76,6 +84,7 @@ def rrs3(
     control of PKMs, Parallel Kinematic Machines International Conference 2002, which tells this
     family's motion; dimensions and masses ours.
     """
+    require_kinds(rrs3, locals())
     require_sizes(
         base_radius=base_radius,
         platform_radius=platform_radius,

@@ -20,7 +20,7 @@ from linkwork.mechanism import (
     RevoluteJoint,
     Tool,
 )
-from linkwork.robots.uniform import ALONG_X, require_masses, require_sizes
+from linkwork.robots.uniform import ALONG_X, require_kinds, require_masses, require_sizes
 
 START = pi / 4  # the crank's angle in the reference
 
@@ -56,6 +56,7 @@ def slider_crank(
 
     Source: Norton, Design of Machinery, ch. 4 (offset slider-crank); dimensions ours.
     """
+    require_kinds(slider_crank, locals())
     # The rod spans what the crank leaves between its pin and the slide's line.
     require_sizes(crank=crank, rod=rod)
     require_masses(**dict(zip(("crank_mass", "rod_mass", "slider_mass"), masses, strict=True)))

@@ -32,7 +32,7 @@ from linkwork.mechanism import (
     UniversalJoint,
 )
 from linkwork.robots.poses import ball_coordinates, product, turn
-from linkwork.robots.uniform import ALONG_X, ALONG_Y, require_masses, require_sizes
+from linkwork.robots.uniform import ALONG_X, ALONG_Y, require_kinds, require_masses, require_sizes
 
 
 def spatial_slider_crank(
@@ -70,6 +70,7 @@ def spatial_slider_crank(
     (Masoudi, after Haug, Computer-Aided Kinematics and Dynamics of Mechanical Systems, 1989, sec.
     12.2).
     """
+    require_kinds(spatial_slider_crank, locals())
     # The rod spans what lies between the crank's pin, which stands upright, and the slide.
     require_sizes(crank=crank, rod=rod)
     require_masses(**dict(zip(("crank_mass", "rod_mass", "slider_mass"), masses, strict=True)))

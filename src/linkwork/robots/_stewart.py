@@ -28,7 +28,14 @@ from linkwork.mechanism import (
 from linkwork.robots.points import circle, six_points
 from linkwork.robots.poses import QuaternionPose, ball_coordinates, free_coordinates
 from linkwork.robots.rods import End, Parts, direction, pointing
-from linkwork.robots.uniform import disc, require_masses, require_sizes, tube, tube_mass
+from linkwork.robots.uniform import (
+    disc,
+    require_kinds,
+    require_masses,
+    require_sizes,
+    tube,
+    tube_mass,
+)
 
 BASE = circle(3.0, (-2.5, 2.5, 117.5, 122.5, 237.5, 242.5))
 PLATFORM = circle(1.0, (-50.0, 50.0, 70.0, 170.0, 190.0, 290.0))
@@ -78,6 +85,7 @@ def stewart(
     2002: base radius 3 m, half spread 2.5 deg; platform radius 1 m, half spread 10 deg, turned by
     60 deg; height 2 m; weight 76 kN/m^3.
     """
+    require_kinds(stewart, locals())
     # Points, tubes and densities that make six legs.
     A, b = six_points("base_points", base_points), six_points("platform_points", platform_points)
     inner, outer = tube_radii

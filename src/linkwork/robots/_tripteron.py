@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 
 from linkwork.mechanism import Frame, Mechanism, PrismaticJoint, RevoluteJoint, Tool
-from linkwork.robots.uniform import cube, require_masses, require_sizes, rod, vector
+from linkwork.robots.uniform import cube, require_kinds, require_masses, require_sizes, rod, vector
 
 
 def tripteron(
@@ -60,6 +60,7 @@ def tripteron(
     791-798; Gosselin, Kong, Foucault & Bonev, A fully decoupled 3-dof translational parallel
     mechanism, Parallel Kinematic Machines 2004; dimensions ours.
     """
+    require_kinds(tripteron, locals())
     require_sizes(proximal=proximal, distal=distal, offset=offset, link_radius=link_radius)
     require_masses(
         carriage_mass=carriage_mass,

@@ -7,6 +7,7 @@ from math import cos, pi, radians, sin
 
 import numpy as np
 
+from linkwork.checks import reals
 from linkwork.mechanism import MechanismError
 from linkwork.robots.uniform import vector
 
@@ -27,10 +28,7 @@ def circle(radius: float, azimuths: Sequence[float]) -> tuple[Vector3, ...]:
 
 def six_points(name: str, points: Sequence[Sequence[float]]) -> np.ndarray:
     """Return six points as an array (6, 3) [m]; anything else is refused by the argument's name."""
-    try:
-        values = np.asarray(points, float)
-    except ValueError:
-        values = np.empty(0)
-    if values.shape != (6, 3) or not np.isfinite(values).all():
+    values = reals(points)
+    if values is None or values.shape != (6, 3) or not np.isfinite(values).all():
         raise MechanismError("give six points of three finite coordinates each [m]", (name,))
     return values

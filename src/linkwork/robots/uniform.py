@@ -1,16 +1,48 @@
-"""Uniform solids as bodies, and the check that their dimensions are sizes."""
+"""Uniform solids as bodies, and checks of what the catalogue is asked for: kinds, sizes, masses."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.checks import amount, reals, shown, whole
 from linkwork.mechanism import Body, Inertia, MechanismError
 
 ALONG_X, ALONG_Y, ALONG_Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+def require_kinds(describe: Callable[..., Any], given: Mapping[str, Any]) -> None:
+    """Refuse arguments of a robot's function that are of another kind than their defaults, by name:
+    numbers, lists of numbers, truth values, frames."""
+    for name, parameter in inspect.signature(describe).parameters.items():
+        value, usual = given[name], parameter.default
+        free = "..." in str(parameter.annotation) or "Sequence" in str(parameter.annotation)
+        if wanted := lacking(value, usual, free):
+            raise MechanismError(f"is {shown(value)}; give {wanted}", (name,))
+
+
+def lacking(value: Any, usual: Any, any_length: bool) -> str:
+    """Return what is asked for where a value is of another kind than the usual one, else nothing;
+    any_length: whether a list may be longer or shorter."""
+    if isinstance(usual, bool):
+        return "" if isinstance(value, bool | np.bool_) else "True or False"
+    if isinstance(usual, int):
+        return "" if whole(value) else "a whole number"
+    if not isinstance(usual, float | Sequence):
+        return "" if isinstance(value, type(usual)) else f"a linkwork.{type(usual).__name__}"
+    numbers, shape = reals(value), np.shape(usual)
+    if shape[1:]:
+        return ""  # points, which `six_points` looks at
+    if numbers is not None and (numbers.shape == shape or (any_length and numbers.ndim > 0)):
+        return ""
+    if any_length:
+        return "a list of numbers"
+    return amount(shape[0], "number") if shape else "a number"
 
 
 def require_sizes(**sizes: float) -> None:
