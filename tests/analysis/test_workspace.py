@@ -343,7 +343,7 @@ def test_circles_lie_in_lengths_equally_spaced():
 @pytest.mark.parametrize("at_least", ["much", np.nan, None, [0.1, 0.2]])
 def test_the_least_conditioning_of_a_circle_is_a_number(at_least):
     mapped = workspace(arm(1.0, 0.6), plane(5, (-1.5, -1.5), (1.5, 1.5)))
-    with pytest.raises(lw.LinkworkError, match="at_least.* is .*; give"):
+    with pytest.raises(lw.LinkworkError, match=r"at_least.* is .*; give"):
         inscribed(mapped, at_least=at_least)
 
 

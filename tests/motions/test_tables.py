@@ -107,6 +107,12 @@ def test_what_cannot_be_written_is_refused(robot, timed, tmp_path):
             "at the times",
         ),
         (lambda: motions.write_csv(tmp_path / "d.csv", 3), "what is written is 3"),
+        (
+            lambda: motions.write_csv(tmp_path / "d.csv", motion, robot, forces=forces.values),
+            "the forces are array",
+        ),
+        (lambda: motions.read_csv(tmp_path / "none.csv", "slide_1"), "give a list of names"),
+        (lambda: motions.read_csv(tmp_path / "none.csv", 3), "names is 3; give a list of names"),
         (lambda: motions.write_csv(tmp_path / "no" / "d.csv", timed), "cannot be written"),
         (lambda: motions.write_csv(tmp_path / "d.csv", pose), "say which by robot="),
         (lambda: motions.read_csv(tmp_path / "none.csv"), "cannot be read"),

@@ -229,6 +229,7 @@ def test_progress_of_members_alone(prr3, forces):
         ({"method": "euler"}, "there is no method 'euler'"),
         ({"method": "rk4"}, r"rk4 needs a step \[s\]"),
         ({"step": 1e-3}, "a step of 0.001 s needs a method that keeps to it"),
+        ({"progress": "yes"}, "progress is .yes.; give True or False"),
         ({"events": "collisions"}, "there are no events 'collisions'"),
         ({"forces": Sampler(lambda t, state: [0.0], rate=100, compiled=True)}, "1 "),
         (

@@ -50,6 +50,7 @@ def write_csv(
         LinkworkError: a motion without its robot, forces at other times; a file that cannot be
             written.
     """
+    # The columns of the motion, by name.
     if robot is not None:
         checks.needed(robot, Robot)
     if isinstance(motion, TimedPath):
@@ -62,7 +63,13 @@ def write_csv(
         raise LinkworkError(
             f"what is written is {checks.shown(motion)}; give a motion or a timed path"
         )
+    # Those of the forces, at the same times.
     if forces is not None:
+        if not isinstance(forces, Sampled):
+            raise LinkworkError(
+                f"the forces are {checks.shown(forces)}; give those of "
+                "robot.inverse_dynamics(motion), a linkwork.Sampled"
+            )
         if robot is None or not np.array_equal(forces.times, columns[TIME]):
             raise LinkworkError(
                 "forces are written at the times of the motion, with the robot that they drive; "
@@ -70,6 +77,7 @@ def write_csv(
             )
         values = zip(robot.actuators, forces.values.T, strict=True)
         columns = apart(columns, {f"{FORCE}{name}": value for name, value in values})
+    # A row for each time.
     target = checks.file_path(path, "the path")
     with checks.writing(target), target.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
@@ -153,9 +161,10 @@ def read_csv(path: str | FilePath, names: Sequence[str] = ()) -> TimedPath:
         LinkworkError: a file that cannot be read or has no such columns, a row that is no row of
             finite numbers, by its line; times that do not increase.
     """
+    asked = checks.names(names, "names")
     columns = read_columns(checks.file_path(path, "the path"))
     rates = {f"{name}{mark}" for name in columns for mark in MARKS[1:]}
-    wanted = [*names] or [
+    wanted = [*asked] or [
         name
         for name in columns
         if name != TIME and name not in rates and not name.startswith(FORCE)

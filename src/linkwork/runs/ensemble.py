@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import amount, by_name
+from linkwork.checks import amount, by_name, switch
 from linkwork.errors import LinkworkError
 from linkwork.model import limits
 from linkwork.model.state import Reached, State
@@ -482,6 +482,8 @@ def companion(batch: Members, settings: Settings) -> Callable[[], Ensemble] | No
 def shown(progress: bool | Progress) -> Iterator[Progress]:
     """Give a function to report to: the caller's, one that moves a bar on the terminal, or one that
     does nothing."""
+    if not callable(progress):
+        switch(progress, "progress")
     if callable(progress):
         yield progress
     elif not progress:
