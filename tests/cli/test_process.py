@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+import linkwork as lw
+
 from tests.processes import PATIENCE, finished, python
 
 PROBE = """
@@ -59,6 +61,18 @@ def test_warnings_are_one_sentence_each(tmp_path):
     assert result.returncode == 0
     assert result.stderr.startswith("linkwork: warning: Kernels cannot be cached in ")
     assert result.stderr.count("\n") == 1
+
+
+def test_letters_that_the_output_does_not_hold_are_escapes(tmp_path):
+    mechanism = lw.robots.pendulum().model_dump()
+    hinge = mechanism["joints"].pop("hinge_1")
+    mechanism |= {"joints": {"Übertrager": hinge}, "actuators": [], "reference": {}}
+    lw.Mechanism(**mechanism).save(tmp_path / "fünf.yaml")
+    plain = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    told = finished("-m", "linkwork", "info", tmp_path / "fünf.yaml", env=plain)
+    assert told.returncode == 0 and "\\xdcbertrager" in told.stdout
+    data = finished("-m", "linkwork", "info", tmp_path / "fünf.yaml", "--json", env=plain)
+    assert "Übertrager" in str(json.loads(data.stdout))
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is full")

@@ -5,6 +5,8 @@ Exit status: 0 done; 1 a run that ended early; 2 a refused input, in one sentenc
 interrupted.
 """
 
+import sys
+from io import TextIOWrapper
 from typing import Annotated
 
 import typer
@@ -68,5 +70,7 @@ reflow(app, analyse)
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line; letters that a stream does not hold are written as escapes."""
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
     app(prog_name="linkwork")

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import Enum
@@ -117,8 +118,14 @@ def tidy(values: Any, size: Any = 1.0) -> np.ndarray:
 
 
 def show_json(data: Any) -> None:
-    """Print plain data as JSON; what is not a finite number is null."""
-    print(json.dumps(plain(data), indent=2, ensure_ascii=False, allow_nan=False))
+    """Print plain data as JSON; what is not a finite number is null, and letters that the stream
+    does not hold are JSON's own escapes."""
+    text = json.dumps(plain(data), indent=2, ensure_ascii=False, allow_nan=False)
+    try:
+        text.encode(sys.stdout.encoding or "ascii")
+    except UnicodeEncodeError:
+        text = json.dumps(plain(data), indent=2, allow_nan=False)
+    print(text)
 
 
 def plain(value: Any) -> Any:
