@@ -117,22 +117,22 @@ def interruptions_held() -> Iterator[Callable[[], bool]]:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-@contextmanager
-def kept_from_interruptions(asked: bool) -> Iterator[Callable[[bool], bool]]:
-    """Keep what is done here piece by piece from being thrown away by Ctrl-C, if that is asked for:
-    give what tells after each piece, and whether that is worth keeping, if Ctrl-C was pressed.
+class Kept(ExitStack):
+    """Keep what is done piece by piece from being thrown away by Ctrl-C, once it is worth that.
 
-    What has taken a second is worth keeping in any case; before that Ctrl-C ends it at once.
+    What has taken a second since its first piece is worth keeping in any case; before that Ctrl-C
+    ends it at once.
     """
-    began, came = time.perf_counter(), []
-    with ExitStack() as stack:
 
-        def interrupted(worth: bool) -> bool:
-            if asked and not came and (worth or time.perf_counter() - began > WORTH):
-                came.append(stack.enter_context(interruptions_held()))
-            return bool(came) and came[0]()
+    began: float | None = None
+    came: Callable[[], bool] | None = None
 
-        yield interrupted
+    def interrupted(self, worth: bool) -> bool:
+        """Tell after a piece, and whether that is worth keeping, if Ctrl-C was pressed since."""
+        self.began = self.began or time.perf_counter()
+        if self.came is None and (worth or time.perf_counter() - self.began > WORTH):
+            self.came = self.enter_context(interruptions_held())
+        return self.came is not None and self.came()
 
 
 @contextmanager

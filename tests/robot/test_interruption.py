@@ -75,7 +75,7 @@ def test_a_run_through_many_charts_that_has_taken_long_is_kept_too(place, monkey
         return own(*given, **options)
 
     with monkeypatch.context() as patched:
-        patched.setattr(patience, "WORTH", 0.0)
+        patched.setattr(patience, "WORTH", -1.0)
         patched.setattr(passage, place, pressed)
         run = robot.simulate(robot.home, [0.5, 0.0, 0.0], **how)
     assert run.status is lw.Status.CANCELLED and len(calls) == 5 and 0 < run.time[-1] < 6

@@ -22,7 +22,7 @@ from linkwork.model import checks
 from linkwork.model.chart_transfer import reread
 from linkwork.model.charts import CompiledChart
 from linkwork.model.turning import turning
-from linkwork.patience import kept_from_interruptions
+from linkwork.patience import Kept
 from linkwork.runs.crossing import Crossed, Crossing
 from linkwork.runs.next_chart import Choice, choice
 from linkwork.runs.settings import Settings
@@ -209,7 +209,7 @@ class Passage:
         While the bound is lowered segments are short, so that it is raised again when the pivots
         have recovered.
         """
-        with kept_from_interruptions(self.interruptible) as interrupted:
+        with Kept() as kept:
             while stand is not None:
                 if stand.over is not None:
                     yield stand.over
@@ -222,7 +222,7 @@ class Passage:
                 yield Segment(stand.chart, trajectory, at, name, again, lowered=lowered)
                 stand.chart.count(trajectory.nfev)
                 stand = self.after(stand, trajectory)
-                if stand is not None and interrupted(stand.pace is not None):
+                if stand and self.interruptible and kept.interrupted(stand.pace is not None):
                     self.system = replace(self.system, faults=[KeyboardInterrupt()])
                     return
 
