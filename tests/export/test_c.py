@@ -243,6 +243,7 @@ def named_oddly() -> Robot:
         ({"functions": ["montion"]}, "montion.*motion"),
         ({"functions": "motion"}, "give a list of names"),
         ({"precision": "half"}, "precision is 'half'; give 'double' or 'float'"),
+        ({"functions": []}, "functions names none; give some of motion, inverse_dynamics"),
         ({"parameters": "free"}, "no number of the robot is free"),
         ({"sines": "own"}, "sines is 'own'; give 'polynomial' or 'libm'"),
         ({"name": "3prr"}, "'3prr' cannot begin names of C"),

@@ -125,6 +125,8 @@ def written(
     # The functions that there are, and why others are not.
     wanted = FUNCTIONS if functions is None else names(functions, "functions")
     checks.known(wanted, FUNCTIONS, "function of an export")
+    if not wanted:
+        raise LinkworkError(f"functions names none; give some of {', '.join(FUNCTIONS)}")
     calls: list[Call] = []
     programs: dict[str, Program] = {}
     notes: list[str] = []
