@@ -142,6 +142,8 @@ def least_step(Phi: Matrix, phi: np.ndarray, damping: float = DAMPING) -> np.nda
     if isinstance(Phi, np.ndarray):
         return -np.linalg.lstsq(Phi, phi, rcond=1e-9)[0]
     rows, nv = Phi.shape
+    if not nv:
+        return np.empty(0)
     largest = np.abs(Phi.nonzeros()).max(initial=0.0)
     d = damping * (largest or 1.0)
     A = ca.blockcat([[d * ca.DM.eye(nv), Phi.T], [Phi, -d * ca.DM.eye(rows)]])
