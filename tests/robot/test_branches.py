@@ -209,6 +209,61 @@ def test_a_pose_is_reached_wherever_the_robot_stands(pose):
         np.testing.assert_allclose(robot.tool_pose(state), asked, atol=1e-9)
 
 
+def rpr_legs(pose):
+    """Return the legs' lengths at a pose of the 3-RPR."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    tops = pose[:2] + np.array(vertices(0.15)) @ np.array([[c, s], [-s, c]])
+    return np.linalg.norm(tops - corners(1.0), axis=1)
+
+
+def test_poses_thirty_lengths_away_are_reached_on_the_branch():
+    """Legs of any length reach each pose; many straight ways pass near the corners, where a leg
+    turns quickly."""
+    robot = built("rpr3")
+    aside = np.random.default_rng(0).uniform(-1, 1, (30, 3)) * (40, 40, 3)
+    poses = robot.tool_pose(robot.home) + aside
+    states = [robot.assemble(tool=pose) for pose in poses]
+    legs = [[float(state[f"slide_{i}"]) for i in (1, 2, 3)] for state in states]
+    np.testing.assert_allclose(legs, [rpr_legs(pose) for pose in poses], atol=1e-9)
+    stack = robot.assemble(tool=poses)
+    np.testing.assert_allclose(stack["slide_1"], np.array(legs)[:, 0], atol=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore:between the guess")
+def test_legs_of_thirty_lengths_are_assembled():
+    robot, random = built("rpr3"), np.random.default_rng(0)
+    home = robot.tool_pose(robot.home)
+    for aside in random.uniform(-1, 1, (20, 3)) * (20, 20, 3):
+        legs = rpr_legs(home + aside)
+        state = robot.assemble({f"slide_{i + 1}": float(leg) for i, leg in enumerate(legs)})
+        np.testing.assert_allclose(rpr_legs(robot.tool_pose(state)), legs, atol=1e-9)
+
+
+@pytest.mark.parametrize("far", [0.2, 3.0])
+def test_slides_lead_as_far_as_they_are_asked_to(far):
+    """A cart on a gantry whose own length is 5 cm, driven together and one slide alone."""
+    solid = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.01))
+    joints = {
+        "along": lw.PrismaticJoint(connects=("ground", "gantry"), axis=(1.0, 0.0, 0.0)),
+        "across": lw.PrismaticJoint(
+            connects=("gantry", "cart"),
+            axis=(0.0, 1.0, 0.0),
+            frames=(lw.Frame.planar(0.05), lw.Frame()),
+        ),
+    }
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies=dict.fromkeys(("gantry", "cart"), solid),
+            joints=joints,
+            actuators=tuple(joints),
+            tools={"cart": lw.Tool(body="cart", task=("x", "y"))},
+        )
+    )
+    state = robot.assemble(tool=[far, -far])
+    np.testing.assert_allclose(state.positions, [far - 0.05, -far], atol=1e-9)
+    np.testing.assert_allclose(robot.assemble({"across": far}).positions[1], far, atol=1e-9)
+
+
 def test_a_branch_that_is_none():
     with pytest.raises(lw.LinkworkError, match="branch is 'best'; give 'guess' or 'any'"):
         built("five_bar").assemble(tool=[0.1, 0.3], branch="best")

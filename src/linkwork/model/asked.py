@@ -22,6 +22,7 @@ from linkwork.equations import Equations, body_motion, functions
 from linkwork.equations.algebra import SX, matrix_quaternion, wrapped
 from linkwork.equations.effects import rotation_vector
 from linkwork.equations.task import held_task, pointing_of, task_map, told, whole_rotation
+from linkwork.equations.tree import Tree
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.mechanism import DistanceTo, TurnAbout
@@ -97,6 +98,11 @@ class Asked(Protocol):
 
     def jacobian(self, out: Outputs) -> np.ndarray:
         """Return J (K, rows, nv)."""
+        ...
+
+    def put(self, tree: Tree, q: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return q (..., nq) with those of the tree's coordinates that are asked for at their
+        values (..., rows)."""
         ...
 
     def way(self, out: Outputs, y: np.ndarray) -> Way:
@@ -280,6 +286,9 @@ class ToolAsked:
             return out["J_tool"][:, self.twist]
         return self.mapped(out)[1] @ out["J_tool"]
 
+    def put(self, tree: Tree, q: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return q
+
     def bias(self, out: Outputs, w: np.ndarray) -> np.ndarray:
         """Return J' w (K, k), by outputs for the rates w (nv), or (K, nv), of each."""
         if self.plain:
@@ -369,6 +378,11 @@ class JointsAsked:
 
     def jacobian(self, out: Outputs) -> np.ndarray:
         return out["J_coordinates"][:, self.rates]
+
+    def put(self, tree: Tree, q: np.ndarray, y: np.ndarray) -> np.ndarray:
+        q, own = np.array(q), [k for k, name in enumerate(self.what) if name in tree.places]
+        q[..., [tree.places[self.what[k]] for k in own]] = y[..., own]
+        return q
 
     def way(self, out: Outputs, y: np.ndarray) -> Way:
         return straight(out["coordinates"][:, self.places], -self.error(out, y))

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from linkwork.checks import among, amount_is, shown
 from linkwork.errors import LinkworkError
 from linkwork.model import checks, task
+from linkwork.model.asked import JointsAsked
 from linkwork.model.assembly import UnreachableError
 from linkwork.model.leading import Leader
 from linkwork.model.posing import Rates, stacked, start_of
@@ -82,7 +83,7 @@ def at_joints(
     asked, given = robot.joints_asked(names), len(names)
     try:
         if given < task.freedoms(robot):
-            q = robot.assembler.at(robot.least(asked), values, start)
+            q = near_joints(robot, asked, values, start)
         else:
             q = led(robot.leader_of_joints(asked), start, values)
     except UnreachableError as error:
@@ -93,6 +94,18 @@ def at_joints(
             f"leave some out, or give values that fit together: {error}"
         ) from None
     return turned(robot.chart, q, asked.turns, values[..., asked.angular]) if asked.turns else q
+
+
+def near_joints(
+    robot: Model, asked: JointsAsked, values: np.ndarray, start: np.ndarray
+) -> np.ndarray:
+    """Return q (nq) at joint coordinates (names), fewer than determine the motion, by shortened
+    steps from the start, or from where its tree has these coordinates already."""
+    least = robot.least(asked)
+    try:
+        return robot.assembler.at(least, values, start)
+    except UnreachableError:
+        return robot.assembler.at(least, values, asked.put(least.tree, start, values))
 
 
 def led(leader: Leader, start: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -31,9 +31,10 @@ from linkwork.model.leg_sides import LegSides, side_of
 from linkwork.model.modes import SAMPLES, SPREAD, ModeStages, same
 from linkwork.model.spread import extent
 from linkwork.model.turning import closing
-from linkwork.model.walking import FINEST, FIRST, NEWTON, ROUNDS, Walker
+from linkwork.model.walking import FINEST, FIRST, NEWTON, Walker, distances, rounds_of, walkable
 
 STARTS, ITERATIONS = 48, 40  # random configurations, and Newton's steps from each
+LAST = 240  # random configurations where nothing else leads to joint coordinates
 SAME = 1e-6  # difference in own units of configurations that are one
 FINER = 1 / 4096  # part of a way that the shortest step of it is, before it is taken for barred
 PARTS = 64  # of what is asked that are solved at a time from random configurations
@@ -93,29 +94,45 @@ class Leader:
                 q[k] = self.otherwise(start, q[k], y[k], mode)
         if self.modes.chart and not (self.strict or straight.all()):
             barred = left[~straight]
-            barred = barred[~self.bent(start, y[barred], q[barred], mode)]
+            _, found = self.bent(start, y[barred], mode, q[barred])
+            barred = barred[~found]
             if barred.size:
                 self.tell_barred(y, barred)
         return q
 
-    def bent(self, start: np.ndarray, y: np.ndarray, q: np.ndarray, mode: np.ndarray) -> np.ndarray:
-        """Tell to which configurations (K, nq) at what is asked (K, rows) a way leads that keeps
-        the signs of a mode, with one of the rows ahead of the others or behind them."""
-        out, rows, every = self.outputs(start[None]), np.eye(y.shape[1]), np.arange(len(y))
-        way, found = self.least.asked.way(out, y), np.zeros(len(y), bool)
+    def bent(
+        self, start: np.ndarray, y: np.ndarray, mode: np.ndarray, to: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return q (K, nq) at what is asked (K, rows) to which a way leads that keeps the signs of
+        a mode, with one of the rows ahead of the others or behind them, and where one does (K); to:
+        configurations (K, nq) that alone count."""
+        rows, every, q = np.eye(y.shape[1]), np.arange(len(y)), np.tile(start, (len(y), 1))
+        way, found = self.least.asked.way(self.outputs(start[None]), y), np.zeros(len(y), bool)
         begin, end = way(every, np.zeros(len(y))), way(every, np.ones(len(y)))
+        near = walkable(self.least.asked, begin, end)
         for ahead in np.unique(np.concatenate([rows, 1 - rows]), axis=0):
-            left = np.flatnonzero(~found) if 0 < ahead.sum() < len(rows) else every[:0]
+            left = np.flatnonzero(near & ~found) if 0 < ahead.sum() < len(rows) else every[:0]
             corner = begin[left] + ahead * (end[left] - begin[left])
-            first = self.least.asked.way(out, corner)
-            here, there = self.walked(start, first, np.arange(left.size), mode, self.step)
+            here, there = self.on_straight_ways(start[None], corner, mode)
             left, here = left[there], here[there]
-            if left.size:
-                last = self.least.asked.way(self.outputs(here), end[left])
-                here, there = self.walked(here, last, np.arange(left.size), mode, self.step)
-                away = np.abs((here - q[left]) / self.tree.units).max(axis=1)
-                found[left] = there & (away < SAME)
-        return found
+            q[left], there = self.on_straight_ways(here, end[left], mode)
+            if to is not None:
+                there &= np.abs((q[left] - to[left]) / self.tree.units).max(axis=1) < SAME
+            found[left] = there
+        return q, found
+
+    def on_straight_ways(
+        self, start: np.ndarray, y: np.ndarray, mode: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far straight ways to what is asked (K, rows) lead on a mode from one start
+        (1, nq), or one each (K, nq): q (K, nq), and which to their ends (K)."""
+        if not len(y):
+            return np.empty((0, start.shape[1])), np.empty(0, bool)
+        if len(y) == 1 and self.walker and not self.modes.spared:  # one takes the shortest way
+            q, there = self.walker.walked(start[0], y[0])
+            return q, there & same(self.signs(q), mode)
+        way = self.least.asked.way(self.outputs(start), y)
+        return self.walked(start, way, np.arange(len(y)), mode, self.step)
 
     def tell_barred(self, y: np.ndarray, barred: np.ndarray) -> None:
         """Warn of those of what is asked (N, rows) to which straight ways are barred."""
@@ -235,12 +252,14 @@ class Leader:
         their ends (K), from one start (nq) or several (K, nq).
 
         mode: signs to be kept, or those of each (K, stages); first: the part that is tried first;
-        p: as in `approached`; finest: the part that no step falls below.
+        p: as in `approached`; finest: the part that no step falls below, of ways of an own unit.
         """
         modes = np.resize(mode, (which.size, mode.shape[-1]))
         q, going = np.resize(start, (which.size, start.shape[-1])), np.arange(which.size)
         part, length = np.zeros(which.size), np.full(which.size, first)
-        for _ in range(ROUNDS):
+        end, own = way(which, part + 1), [each[which] for each in p]
+        far = distances(self.least.asked, way(which, part), end, step(q, end, *own)[2])
+        for _ in range(rounds_of(far)):
             if not going.size:
                 break
             aim = np.minimum(1.0, part[going] + length[going])
@@ -248,7 +267,7 @@ class Leader:
             reached, _, good = self.closed(step, q[going], given, modes[going], start=q[going])
             q[going[good]], part[going[good]] = reached[good], aim[good]
             length[going] *= np.where(good, 2.0, 0.25)
-            going = going[(part[going] < 1) & (length[going] > finest)]
+            going = going[(part[going] < 1) & (length[going] > finest / far[going])]
         return q, part == 1
 
     def elsewhere(
@@ -299,22 +318,30 @@ class Leader:
         return self.matrix(self.outputs(q)) * self.least.factors
 
     def scattered(
-        self, start: np.ndarray, near: np.ndarray, y: np.ndarray, mode: np.ndarray, step: Step
+        self,
+        start: np.ndarray,
+        near: np.ndarray | None,
+        y: np.ndarray,
+        mode: np.ndarray,
+        step: Step,
+        starts: int = STARTS,
     ) -> Found:
-        """Return the q (K, nq) on a mode, that of near ones (K, nq), nearest to a start that random
-        configurations lead to.
+        """Return the q (K, nq) on a mode, that of near ones (K, nq) if given, nearest to a start
+        that so many random configurations lead to.
 
         Also at which of what is asked (K, rows) any is closed (K), and any is on the mode (K).
         """
         tree, random = self.tree, np.random.default_rng(1990)
-        q = np.tile(start, (STARTS, 1))
+        q = np.tile(start, (starts, 1))
         for place, rate in tree.single:
             reach = self.length if tree.slides[rate] else np.pi
-            q[:, place] += random.uniform(-1, 1, STARTS) * reach
+            q[:, place] += random.uniform(-1, 1, starts) * reach
         for places, _ in tree.quaternions:
-            q[:, list(places)] = random.standard_normal((STARTS, 4))
-        q, y = np.tile(unit(tree, q), (len(y), 1)), np.repeat(y, STARTS, axis=0)
-        q, good, fits = self.closed(step, q, (y,), mode, False, near.repeat(STARTS, axis=0))
+            q[:, list(places)] = random.standard_normal((starts, 4))
+        q, y = np.tile(unit(tree, q), (len(y), 1)), np.repeat(y, starts, axis=0)
+        q = self.least.asked.put(tree, q, y)
+        alike = None if near is None else near.repeat(starts, axis=0)
+        q, good, fits = self.closed(step, q, (y,), mode, False, alike)
         fits[fits] = self.on_side(q[fits], start, mode)
         # Whole turns of a screw, or of a wheel in mesh, open loops.
         free = closing(self.chart)
@@ -322,8 +349,8 @@ class Leader:
             if free[place] and not tree.slides[rate]:
                 q[:, place] -= 2 * np.pi * np.round((q[:, place] - start[place]) / (2 * np.pi))
         away = np.where(fits, np.linalg.norm((q - start) / tree.units, axis=1), np.inf)
-        nearest = away.reshape(-1, STARTS).argmin(axis=1) + STARTS * np.arange(len(y) // STARTS)
-        return q[nearest], np.logical_or.reduce(good.reshape(-1, STARTS), axis=1), fits[nearest]
+        nearest = away.reshape(-1, starts).argmin(axis=1) + starts * np.arange(len(y) // starts)
+        return q[nearest], np.logical_or.reduce(good.reshape(-1, starts), axis=1), fits[nearest]
 
     def otherwise(
         self, start: np.ndarray, near: np.ndarray, y: np.ndarray, mode: np.ndarray
@@ -336,7 +363,11 @@ class Leader:
             (near,), (there,) = self.walked(start, way, np.arange(1), mode, self.least.step)
             if there:
                 return near
-        # Shortened steps, then any from random configurations.
+        # Bent ways, shortened steps, then any from random configurations.
+        if self.strict:
+            (q,), (there,) = self.bent(start, y[None], mode)
+            if there:
+                return q
         refusal, elsewhere, known = None, False, near if self.modes.spared else start
         for begin in (near, start) if self.strict else (start,):
             try:
@@ -349,13 +380,12 @@ class Leader:
             ):
                 return q
             elsewhere = True
-        if self.strict:
-            (q,), (met,), (fits,) = self.scattered(
-                start, near[None], y[None], mode, self.least.step
-            )
-            if fits:
-                return q
-            elsewhere |= bool(met)
+        on = (near[None], y[None], mode) if self.strict else (None, y[None], 0 * mode)
+        starts = STARTS if self.strict else LAST
+        (q,), (met,), (fits,) = self.scattered(start, *on, self.least.step, starts)
+        if fits:
+            return q
+        elsewhere |= bool(met)
         if refusal and not elsewhere:
             raise refusal
         raise UnreachableError(

@@ -12,18 +12,22 @@ from math import copysign, isfinite
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from linkwork.equations import Equations
 from linkwork.equations.algebra import SX
 from linkwork.equations.reference import CLOSED
 from linkwork.kernels import Kernel
 from linkwork.model.asked import Asked
+from linkwork.model.assembly import FAR
 from linkwork.model.charts import CompiledChart
 from linkwork.model.closing import CONDITIONS, CONTRACTS, LONGEST, MET, Approach
 from linkwork.model.modes import FLAT, ModeStages
 
 NEWTON = 7  # steps of Newton's method in which it has to contract
 ROUNDS, FINEST = 200, 1 / 64  # steps of a way at most, and the part of it that the shortest one is
+FARTHEST = 1e4  # own units from which ways are no longer walked in shorter parts
+STEPS_AHEAD = 8  # steps, tried ones too, that each own unit of a way takes
 FIRST = 0.25  # part of the way that is tried where all of it at once was not met
 
 
@@ -46,15 +50,17 @@ class Walker:
         mode = [copysign(1.0, part) if abs(part) > FLAT else 0.0 for part in self.parts(begun)]
         if last is not None and self.fits(last, mode):
             return last[None, : start.size], np.array([True])
-        q, part, length = start, 0.0, FIRST
-        for _ in range(ROUNDS):
+        q, part, length, way = start, 0.0, FIRST, self.way.flat
+        here = way(start, y, np.zeros(1), self.approach.p)
+        far = distances(self.asked, here, y, begun[start.size + 1])
+        for _ in range(rounds_of(far)):
             aim = min(1.0, part + length)
-            _, last = self.contracted(q, self.way.flat(start, y, np.array([aim]), self.approach.p))
+            _, last = self.contracted(q, way(start, y, np.array([aim]), self.approach.p))
             if last is not None and self.fits(last, mode):
                 q, part, length = last[: start.size], aim, 2.0 * length
             else:
                 length *= 0.25
-            if part == 1 or length <= FINEST:
+            if part == 1 or length * far[0] <= FINEST:
                 break
         return q[None].copy(), np.array([part == 1])
 
@@ -99,6 +105,27 @@ class Walker:
         asked = self.asked
         key = f"way {asked.names} {asked.wraps.tolist()}"
         return self.chart.compiled(key, lambda equations: way(equations, asked))
+
+
+def distances(asked: Asked, begin: np.ndarray, end: np.ndarray, length: ArrayLike) -> np.ndarray:
+    """Return how far ways from values to others (K, rows) lead (K), by the first of Newton's steps
+    to their ends (K), in own units: at least 1, by which their steps are shorter parts of them than
+    those of others."""
+    length = np.atleast_1d(length)
+    sound = walkable(asked, begin, end) & (length > 1) & (length <= FARTHEST)
+    return np.where(sound, length, 1.0)
+
+
+def walkable(asked: Asked, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Tell which ways from values to others (..., rows) have no lengths that may be in another
+    unit."""
+    aside = ((end - begin) / asked.units)[..., asked.lengths]
+    return np.asarray(np.linalg.norm(aside, axis=-1) <= FAR)
+
+
+def rounds_of(far: np.ndarray) -> int:
+    """Return how many steps ways of some lengths may take."""
+    return ROUNDS + int(STEPS_AHEAD * (far.max(initial=1.0) - 1))
 
 
 def way(equations: Equations, asked: Asked) -> ca.Function:
