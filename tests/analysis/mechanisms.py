@@ -109,6 +109,94 @@ def arm(first=1.0, second=0.6):
 
 
 @cache
+def geared_five_bar(ratio):
+    """Return two cranks in mesh that lead a point by a link each, and where the first one's angle
+    puts it: x (2) on either side of the line between the cranks' ends, none where they do not
+    reach."""
+    first, second, crank, other, base = 0.35, 0.4, 0.3, 0.45, 0.4
+
+    def tips(turn):
+        ends = [
+            radius * np.array([np.cos(angle), np.sin(angle)]) + [foot, 0.0]
+            for radius, angle, foot in ((crank, turn, 0.0), (other, ratio * turn, base))
+        ]
+        between = ends[1] - ends[0]
+        away = np.hypot(*between)
+        along = (first**2 - second**2 + away**2) / (2 * away)
+        aside = np.sqrt(np.maximum(first**2 - along**2, 0.0)) or np.nan
+        normal = np.array([-between[1], between[0]]) / away
+        foot = ends[0] + along * between / away
+        return ends, [foot + side * aside * normal for side in (1, -1)]
+
+    ends, (tip, _) = tips(0.4)
+    aims = [atan2(*(tip - end)[::-1]) for end in ends]
+    joints = {
+        "crank_1": lw.RevoluteJoint(connects=("ground", "crank_1")),
+        "crank_2": lw.RevoluteJoint(
+            connects=("ground", "crank_2"), frames=(lw.Frame.planar(base), lw.Frame())
+        ),
+        "pin_1": lw.RevoluteJoint(
+            connects=("crank_1", "link_1"), frames=(lw.Frame.planar(crank), lw.Frame())
+        ),
+        "pin_2": lw.RevoluteJoint(
+            connects=("crank_2", "link_2"), frames=(lw.Frame.planar(other), lw.Frame())
+        ),
+        "tip": lw.RevoluteJoint(
+            connects=("link_1", "link_2"), frames=(lw.Frame.planar(first), lw.Frame.planar(second))
+        ),
+        "gear": lw.mechanism.GearJoint(ratios={"crank_2": 1.0, "crank_1": -ratio}),
+    }
+    turns = {"crank_1": 0.4, "crank_2": 0.4 * ratio}
+    described = lw.Mechanism(
+        bodies=dict.fromkeys(("crank_1", "crank_2", "link_1", "link_2"), LIGHT),
+        joints=joints,
+        actuators=("crank_1",),
+        tools={"tip": lw.Tool(body="link_1", frame=lw.Frame.planar(first))},
+        reference={
+            **turns,
+            "pin_1": aims[0] - 0.4,
+            "pin_2": aims[1] - 0.4 * ratio,
+            "tip": aims[1] - aims[0],
+        },
+    )
+    return lw.Robot(described), lambda turn: [place[0] for place in tips(turn)[1]]
+
+
+@cache
+def spindle_arm():
+    """Return an arm that a spindle of 2 mm a turn lifts, where the spindle's pivot is, and its
+    pitch [m/rad]."""
+    pitch, pivot, raised = 0.002 / (2 * np.pi), np.array([0.6, -0.1]), 1.0
+    to_pin = 0.5 * np.array([np.cos(raised), np.sin(raised)]) - pivot
+    aim, length = atan2(*to_pin[::-1]), hypot(*to_pin)
+    joints = {
+        "hinge": lw.RevoluteJoint(connects=("ground", "arm")),
+        "pivot": lw.RevoluteJoint(
+            connects=("ground", "tube"), frames=(lw.Frame.planar(*pivot), lw.Frame())
+        ),
+        "spindle": lw.RevoluteJoint(connects=("tube", "spindle"), axis=ALONG_X),
+        "guide": lw.PrismaticJoint(connects=("tube", "nut"), axis=ALONG_X),
+        "thread": lw.ScrewJoint(connects=("spindle", "nut"), axis=ALONG_X, pitch=pitch),
+        "pin": lw.RevoluteJoint(connects=("nut", "arm"), frames=(lw.Frame(), lw.Frame.planar(0.5))),
+    }
+    described = lw.Mechanism(
+        bodies=dict.fromkeys(("arm", "tube", "spindle", "nut"), SOLID),
+        joints=joints,
+        actuators=("spindle",),
+        tools={"arm": lw.Tool(body="arm", task=("rz",))},
+        reference={
+            "hinge": raised,
+            "pivot": aim,
+            "guide": length,
+            "thread": length / pitch,
+            "spindle": -length / pitch,
+            "pin": raised - aim,
+        },
+    )
+    return lw.Robot(described), pivot, pitch
+
+
+@cache
 def cart(mass=2.0, stiffness=50.0, damping=0.0):
     """Return a mass on a slide with a spring."""
     slide = lw.PrismaticJoint(

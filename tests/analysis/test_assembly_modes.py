@@ -11,7 +11,16 @@ from linkwork.analysis._assembly_modes import by_bodies, search, tool_kernel
 from linkwork.analysis.square import of_tool
 from linkwork.model.spread import extent
 
-from tests.analysis.mechanisms import dietmaier, elsewhere, postures, rpr
+from tests.analysis.mechanisms import (
+    LIGHT,
+    arm,
+    dietmaier,
+    elsewhere,
+    geared_five_bar,
+    postures,
+    rpr,
+    spindle_arm,
+)
 from tests.catalogue import built
 from tests.oracle.published import DIETMAIER_BASE, DIETMAIER_PLATFORM, DIETMAIER_SQUARES
 
@@ -52,6 +61,60 @@ def test_whole_turns_of_a_thread_are_part_of_a_mode():
     )
     modes = working_modes(lw.Robot(described), [0.4])
     np.testing.assert_allclose(modes.states["thread"], [8.0])
+
+
+@pytest.mark.parametrize("ratio", [100.0, 3.5, -0.7])
+def test_turns_of_a_gear_s_motor_are_no_further_modes(ratio):
+    """An arm of two links has its elbow on either side, whatever wheel turns its shoulder."""
+    described = arm().mechanism
+    wheel = lw.RevoluteJoint(connects=("ground", "wheel"))
+    gear = lw.mechanism.GearJoint(ratios={"motor": 1.0, "hinge_1": -ratio})
+    update = {
+        "bodies": {**described.bodies, "wheel": LIGHT},
+        "joints": {**described.joints, "motor": wheel, "gear": gear},
+        "actuators": ("motor", "hinge_2"),
+        "tools": {"tip": described.first_tool.model_copy(update={"task": ("x", "y")})},
+        "reference": {**described.reference, "motor": 0.3 * ratio},
+    }
+    robot = lw.Robot(described.model_copy(update=update))
+    modes = working_modes(robot, [0.9, 0.5])
+    reach = 0.9**2 + 0.5**2
+    elbow = np.arccos((reach - 1.0 - 0.6**2) / (2 * 0.6))
+    assert modes.sure and len(modes) == 2
+    np.testing.assert_allclose(np.sort(modes.states["hinge_2"]), [-elbow, elbow], atol=1e-9)
+    np.testing.assert_allclose(modes.states["motor"], ratio * modes.states["hinge_1"], atol=1e-9)
+    assert np.abs(modes.states["hinge_1"]).max() < np.pi
+
+
+@pytest.mark.parametrize(("ratio", "known"), [(1.5, True), (2**0.5, False)])
+def test_cranks_in_mesh_are_back_after_some_turns(ratio, known):
+    """Of two cranks that turn 2 to 3 the modes of two turns are told, by a dense scan of these; of
+    a ratio that is no fraction there is no end of them."""
+    robot, tip = geared_five_bar(ratio)
+    modes = working_modes(robot, [0.3], what=("x",))
+    assert modes.sure == known
+    if known:
+        scanned = np.array([tip(turn) for turn in np.linspace(0.0, 4 * np.pi, 20001)])
+        passed = np.diff(np.sign(scanned - 0.3), axis=0)
+        assert len(modes) == np.sum(np.abs(passed) == 2) > 2
+
+
+@pytest.mark.parametrize("length", [0.3, 0.5, 0.9])
+def test_a_spindle_that_lifts_an_arm_has_two_modes(length):
+    """|0.5 e(hinge) - A| = length, of a thread of 2 mm a turn; asked of the arm, the nut may be on
+    either side of the spindle's pivot."""
+    robot, pivot, pitch = spindle_arm()
+    modes = assembly_modes(robot, {"spindle": -length / pitch})
+    away = np.hypot(*pivot)
+    bent = np.arccos((away**2 + 0.25 - length**2) / away)
+    expected = np.sort(np.arctan2(*pivot[::-1]) + np.array([-bent, bent]))
+    assert modes.sure
+    np.testing.assert_allclose(np.sort(modes.states["hinge"]), expected, atol=1e-9)
+    working = working_modes(robot, [expected[0]])
+    assert working.sure
+    np.testing.assert_allclose(
+        np.sort(working.states["spindle"]) * pitch, [-length, length], atol=1e-9
+    )
 
 
 def test_dietmaier_s_platform_has_forty_assembly_modes():

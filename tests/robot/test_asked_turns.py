@@ -3,6 +3,8 @@ told in a sentence."""
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -22,6 +24,24 @@ def hinge(**fields) -> lw.Robot:
     body = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.5))
     return lw.Robot(
         lw.Mechanism(bodies={"wheel": body}, joints={"hinge": joint}, actuators=("hinge",))
+    )
+
+
+@cache
+def lift(driven) -> lw.Robot:
+    upright, solid = (0.0, 0.0, 1.0), lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
+    joints = {
+        "spindle": lw.ScrewJoint(connects=("ground", "nut"), axis=upright, pitch=0.002),
+        "bearing": lw.RevoluteJoint(connects=("nut", "table"), axis=upright),
+        "column": lw.PrismaticJoint(connects=("ground", "table"), axis=upright),
+    }
+    return lw.Robot(
+        lw.Mechanism(
+            bodies=dict.fromkeys(("nut", "table"), solid),
+            joints=joints,
+            actuators=(driven,),
+            tools={"table": lw.Tool(body="table", task=("z",))},
+        )
     )
 
 
@@ -61,6 +81,22 @@ def test_geared_angles_keep_their_turns():
         np.testing.assert_allclose(
             robot.assemble({"hinge_1": angle}).positions, [angle, -angle / 2], atol=1e-10
         )
+
+
+@pytest.mark.parametrize("driven", ["spindle", "bearing"])
+@pytest.mark.parametrize("turn", [3.0, 20.0, -200.0])
+def test_whole_turns_of_what_turns_a_thread_advance_it(driven, turn):
+    """A nut on a spindle of 2 mm/rad that turns against a table on a column, asked as a joint of
+    the tree or as one that closes the loop, and led by its tool."""
+    robot = lift(driven)
+    asked = {"spindle": turn, "bearing": -turn}
+    for state in (
+        robot.assemble({"bearing": -turn}),
+        robot.assemble({"spindle": turn}),
+        robot.assemble(tool=[0.002 * turn]),
+    ):
+        assert state["column"] == pytest.approx(0.002 * turn, abs=1e-12)
+        assert {name: float(state[name]) for name in asked} == pytest.approx(asked, abs=1e-9)
 
 
 def test_rates_by_name_are_zero_where_they_are_left_out():

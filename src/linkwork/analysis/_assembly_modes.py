@@ -27,7 +27,16 @@ from linkwork.analysis.actuated_coordinates import actuated_coordinates
 from linkwork.analysis.all_rows import all_rows
 from linkwork.analysis.newton import Solver, random_configurations, solver
 from linkwork.analysis.square import Square, of_joints, of_tool
-from linkwork.analysis.turning_alone import turns_alone
+from linkwork.analysis.turning_alone import (
+    comes_back,
+    idle_wheels,
+    meshed,
+    meshing_turns,
+    moved_by,
+    shown,
+    turned_with,
+    with_threads,
+)
 from linkwork.checks import amount, needed, random_numbers
 from linkwork.equations import body_motion, functions
 from linkwork.errors import LinkworkError
@@ -35,7 +44,7 @@ from linkwork.kernels import Kernel, compile_function
 from linkwork.mechanism.limits import limited
 from linkwork.model import checks, limits, task
 from linkwork.model.modes import determinant
-from linkwork.model.turning import closing
+from linkwork.model.turning import as_threads, by_threads, threaded
 from linkwork.notebooks import Portrayed
 from linkwork.patience import announced
 from linkwork.robot import Robot, State
@@ -45,6 +54,7 @@ ITERATIONS = 60
 WIDE = 3.0  # lengths of the mechanism from home that slides begin at: beyond its mirror image
 SAME = 1e-5  # difference of poses, lengths relative to the mechanism's own, that counts as none
 SURE = 5
+UNENDING = 8  # turns that angles begin within whose gears never stand as they did
 MOST = 10_000
 
 
@@ -62,6 +72,7 @@ class Modes(Portrayed):
         Where rows of the loops depend on each other these are stages of all rows, and 0 is what no
         way along closed loops is found to
     within_limits: whether all joints are within their limits; robot: whose they are
+    endless: whether gears of a ratio that is no fraction leave further ones, turn by turn
     """
 
     what: tuple[str, ...]
@@ -74,6 +85,7 @@ class Modes(Portrayed):
     signs: np.ndarray
     within_limits: np.ndarray
     robot: Robot | None = field(default=None, repr=False)
+    endless: bool = False
 
     def __len__(self) -> int:
         return len(self.hits)
@@ -99,9 +111,10 @@ class Modes(Portrayed):
     @property
     def sure(self) -> bool:
         """Tell whether each solution was found several times, and none in the second half of the
-        starts."""
+        starts; not where there is no end of them."""
         return (
             bool(len(self))
+            and not self.endless
             and self.hits.min() >= SURE
             and 2 * (self.first.max() + 1) <= self.starts
         )
@@ -151,8 +164,9 @@ def assembly_modes(
             f"the joints are {joints!r}; give coordinates by name, such as "
             f"{{'{robot.coordinates[0]}': 0.1}}"
         )
-    square = of_joints(robot, tuple(joints))
     asked = np.array([checks.number(value, f"joint {name!r}") for name, value in joints.items()])
+    checks.known(joints, robot.coordinates, "joint")
+    square = of_joints(robot, by_threads(robot.chart, [*joints], asked, robot.home.positions))
     return search(square, asked, by, starts, seed)
 
 
@@ -219,6 +233,7 @@ def search(square: Square, asked: np.ndarray, key, most: int, seed: int) -> Mode
     while tried < most:
         count = min(ROUND, most - tried)
         q, good = problem.solve(scattered(problem, asked, count, random), asked, ITERATIONS)
+        q[good], good[good] = counted(square, asked, q[good])
         if (hit := np.flatnonzero(good)).size:
             gathered = gathered.with_more(q[hit], key(square, q[hit]), tried + hit)
         tried += count
@@ -239,13 +254,29 @@ def search(square: Square, asked: np.ndarray, key, most: int, seed: int) -> Mode
 def scattered(
     problem: Solver, asked: np.ndarray, count: int, random: np.random.Generator
 ) -> np.ndarray:
-    """Return random starts at which the tree's own coordinates already have the asked values."""
-    square = problem.square
+    """Return random starts at which the tree's own coordinates already have the asked values, and
+    gears are in mesh."""
+    square, tree, given = problem.square, problem.square.equations.tree, list[str]()
     q = random_configurations(square, WIDE * problem.length, count, random)
+    for name, turns in square.robot.once(meshing_turns).items():
+        if name in tree.places:
+            q[:, tree.places[name]] *= turns or UNENDING
     for name, value in zip(square.what, asked, strict=True):
-        if square.asked is None and name in square.equations.tree.coordinates:
-            q[:, square.equations.tree.coordinates.index(name)] = value
-    return q
+        if square.asked is None and name in tree.places:
+            q[:, tree.places[name]] = value
+            given.append(name)
+    return meshed(square.robot, q, given)
+
+
+def counted(square: Square, asked: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return solutions (N, nq) with the whole turns of their threads, and which of them have what
+    is asked then, too (N)."""
+    q, good = with_threads(square.robot, q)
+    for name, value in zip(square.what, asked, strict=True) if square.asked is None else ():
+        tree = square.equations.tree
+        if name in tree.places and not square.robot.joints_asked((name,)).wraps[0]:
+            good &= np.abs(q[:, tree.places[name]] - value) < np.pi
+    return q, good
 
 
 def told(problem: Solver, asked: np.ndarray, gathered: Gathered, key, tried: int) -> Modes:
@@ -261,7 +292,10 @@ def told(problem: Solver, asked: np.ndarray, gathered: Gathered, key, tried: int
     hits, first = gathered.hits[order], gathered.first[order]
     asked = square.asked.told(asked) if square.asked else asked
     count = int(hits.sum())
-    return Modes(square.what, asked, states, hits, first, tried, count, signs, inside, robot)
+    unended = {name for name, turns in robot.once(meshing_turns).items() if not turns}
+    endless = bool(unended) and not unended & {*given}
+    counts = hits, first, tried, count
+    return Modes(square.what, asked, states, *counts, signs, inside, robot, endless)
 
 
 def signs_of(problem: Solver, q: np.ndarray) -> np.ndarray:
@@ -285,7 +319,7 @@ def unwound(robot: Robot, q: np.ndarray, asked: Mapping[str, float]) -> State:
     they are at home, of what is asked of them, or of the middle of their limits.
 
     Starts are any number of turns apart, so that solutions may be, too. Angles whose whole turns
-    open a loop (gears, screws) stay as they are.
+    move a body or open a loop (screws, gears between more than idle wheels) stay as they are.
     """
     goal = np.array(
         [
@@ -300,16 +334,18 @@ def unwound(robot: Robot, q: np.ndarray, asked: Mapping[str, float]) -> State:
             low = -np.inf if ends.lower is None else ends.lower + np.pi
             high = np.inf if ends.upper is None else ends.upper - np.pi
             goal[place] = np.clip(goal[place], low, high) if low <= high else (low + high) / 2
-    # Of the tree's angles those that its loops see by sines and cosines; then of those that close.
+    # Of the tree's angles, with idle wheels in mesh; then of those that close loops.
     q = q.copy()
-    for k in np.flatnonzero(closing(robot.chart)):
-        label = robot.equations.tree.coordinates[k]
-        if robot.once(turns_alone, label):
-            place = robot.coordinates.index(label)
-            q[:, k] -= 2 * np.pi * np.round((q[:, k] - goal[place]) / (2 * np.pi))
+    advancing = threaded(robot.chart)[:, 0].astype(int).tolist()
+    for k, label in enumerate(robot.equations.tree.coordinates):
+        if (turn := robot.once(turned_with, label)) is None:
+            continue
+        if (place := robot.coordinates.index(label)) not in advancing:
+            q -= np.round((q[:, [k]] - goal[place]) / (2 * np.pi)) * turn
     states = robot.make_state(q, np.zeros((len(q), robot.mobility)))
-    nearest = robot.labels.nearest(states.positions, np.broadcast_to(goal, states.positions.shape))
-    return replace(states, positions=nearest)
+    goal = np.tile(goal, (len(q), 1))
+    goal[:, advancing] = as_threads(robot.chart, robot.home.positions, states.positions)
+    return replace(states, positions=robot.labels.nearest(states.positions, goal))
 
 
 @dataclass(frozen=True, eq=False)
@@ -391,21 +427,26 @@ def tool_kernel(robot: Robot) -> Kernel:
 
 
 def by_actuators(square: Square, q: np.ndarray) -> np.ndarray:
-    """Return the actuated coordinates (N, d), angles that turn alone by their cosines and
-    sines."""
+    """Return the actuated coordinates (N, d), or those that gears tie to them (`shown`), angles
+    that bodies come back with by their cosines and sines."""
     robot = square.robot
-    places = [robot.coordinates.index(name) for name in robot.actuators]
+    told = [robot.once(shown, name) for name in robot.actuators]
+    names = [*dict.fromkeys(name for each in told for name in each)]
+    places = [robot.coordinates.index(name) for name in names]
     values = robot.kernel("positions")(q)[0][:, places] / robot.labels.sizes[places]
-    alone = np.array([robot.once(turns_alone, name) for name in robot.actuators])
+    alone = np.array([robot.once(comes_back, name) for name in names], bool)
+    alone &= ~np.isin(places, threaded(robot.chart)[:, 0])
     turns = values[:, alone]
     return np.concatenate([values[:, ~alone], np.cos(turns), np.sin(turns)], axis=1)
 
 
 def by_bodies(square: Square, q: np.ndarray) -> np.ndarray:
-    """Return the positions and orientations of all bodies but those that may spin about themselves
-    (N, 12 r)."""
+    """Return the positions and orientations of all bodies but idle wheels and those that may spin
+    about themselves (N, 12 r)."""
     robot = square.robot
     spinning = {body for member in square.equations.spins.values() for body in member}
+    for wheel in robot.once(idle_wheels):
+        spinning |= moved_by(robot, wheel, 1.0)
     fixed = [k for k, body in enumerate(robot.bodies) if body not in spinning]
     origins, orientations, *_ = robot.kernel("bodies_motion")(q, np.zeros(robot.mobility))
     origins = origins / square.equations.tree.length

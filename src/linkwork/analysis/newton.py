@@ -3,7 +3,8 @@ tool poses.
 
     q_next = q + N w s,    [Phi; J] w = -[phi; error],    s = min(1, 1 / largest of |w_k| / limit_k)
 
-Steps are limited, so that an almost singular Jacobian throws no start far away. States are worked
+Steps are limited in what is not linear, so that an almost singular Jacobian throws no start far
+away. States are worked
 off in chunks that fit the processor's cache, over threads; those that have converged leave their
 chunk.
 """
@@ -22,7 +23,7 @@ import numpy as np
 from linkwork.analysis.square import Square
 from linkwork.equations import functions
 from linkwork.kernels import Kernel, compile_function
-from linkwork.model.closing import Step, closed, of_any_length
+from linkwork.model.closing import Step, bending, closed, of_any_length
 from linkwork.model.spread import extent
 from linkwork.robot import Robot
 from linkwork.threads import usable_processors
@@ -51,8 +52,7 @@ class Solver:
         mechanism's own units."""
         square, tree = self.square, self.square.equations.tree
         w = square.newton
-        limits = np.where(tree.slides, SLIDE * self.length, TURN)
-        w = w * (1 / ca.fmax(1, ca.mmax(ca.fabs(w / limits))))
+        w = w * (1 / ca.fmax(1, ca.mmax(ca.fabs(w * ca.DM(1 / self.limits)))))
         q = tree.q + tree.derivatives(w)
         for places, _ in tree.quaternions:
             q[list(places)] /= ca.sqrt(ca.sumsqr(q[list(places)]))
@@ -62,6 +62,20 @@ class Solver:
         )
         gap = ca.mmax(ca.fabs(ca.vertcat(residuals, rows.excess, *tree.norms())))
         return self._compiled("newton_step", {"q_next": q, "gap": gap})
+
+    @cached_property
+    def limits(self) -> np.ndarray:
+        """Largest rates of a step (nv), infinite where all is linear; a thread advances by as much
+        as a slide."""
+        square, tree = self.square, self.square.equations.tree
+        slide = SLIDE * self.length
+        limits = np.where(tree.slides, slide, TURN)
+        for node in (node for node in tree.nodes if node.turns and node.slides):
+            assert node.motion is not None
+            pitch = np.linalg.norm(tree.number(node.motion.slide))
+            limits[node.columns[0].rate] = max(TURN, slide / pitch)
+        A = ca.vertcat(square.equations.rows.Phi, square.J)
+        return np.where(bending(tree, A), limits, np.inf)
 
     @cached_property
     def verdict(self) -> Kernel:

@@ -365,7 +365,7 @@ class JointsAsked:
         return tuple(f"{name}: coordinate" for name in self.what)
 
     def expressed(self, equations: Equations) -> Rows:
-        return joint_rows(equations, self.what, self.angular.tolist())
+        return joint_rows(equations, self.what, self.wraps.tolist())
 
     def along(self, equations: Equations, part: ca.SX) -> tuple[ca.SX, ca.SX]:
         x = ca.vertcat(*[equations.joints.position(name) for name in self.what])

@@ -17,7 +17,7 @@ from linkwork.model.assembly import UnreachableError
 from linkwork.model.leading import Leader
 from linkwork.model.posing import Rates, stacked, start_of
 from linkwork.model.state import State, with_positions
-from linkwork.model.turning import turned
+from linkwork.model.turning import as_threads, by_threads, threaded, turned
 
 if TYPE_CHECKING:
     from linkwork.model.model import Model
@@ -36,13 +36,15 @@ def assemble(
     branch: str = "guess",
 ) -> State:
     """Close the loops at given joint coordinates or at a tool pose: `Robot.assemble`."""
-    start, asked = start_of(robot, guess).q, None
+    begun, asked = start_of(robot, guess), None
+    start = begun.q
     if not among(branch, BRANCHES):
         raise LinkworkError(f"branch is {branch!r}; give {' or '.join(map(repr, BRANCHES))}")
     if tool is None and isinstance(joints, Mapping):
         names, values = asked_of(robot, joints)
+        asked = robot.joints_asked(names).places, values.copy()
+        names = by_threads(robot.chart, names, values, begun.positions)
         q = at_joints(robot, names, values, start)
-        asked = robot.joints_asked(names).places, values
     elif tool is not None and joints is None:
         asked_tool, values = task.asked(robot, tool)
         q = led(robot.leader_of_tool(asked_tool, kept=branch == "guess"), start, values)
@@ -128,6 +130,8 @@ def wound(robot: Model, made: State, guess: State, asked: Placed = None) -> Stat
     if guess is not robot.home and np.count_nonzero(turns := robot.windings(guess)):
         kept = labels.turned(kept, np.broadcast_to(turns, kept.shape))
     goal = np.where(labels.jumps, guess.positions, kept)
+    if len(ties := threaded(robot.chart)):
+        goal[..., ties[:, 0].astype(int)] = as_threads(robot.chart, guess.positions, kept)
     if asked is not None:
         places, values = asked
         goal[..., places] = values

@@ -345,6 +345,16 @@ def approach(chart: CompiledChart, modes: ModeStages, asked: Asked) -> Approach 
     return Approach(kernel, sizes, chart.p)
 
 
+def bending(tree: Tree, A: ca.SX) -> np.ndarray:
+    """Tell on which rates' coordinates [Phi; J] depends (nv); in the others what is asked is
+    linear, and steps of any length are exact."""
+    depends = ca.which_depends(ca.vec(ca.densify(A)), tree.q, 1, False)
+    found = np.ones(len(tree.rates), bool)
+    for place, rate in tree.single:
+        found[rate] = depends[place]
+    return found
+
+
 def parity(numbers: Sequence[int], other: Sequence[int]) -> float:
     """Return 1 or -1, the determinant of the permutation that brings numbers into another order."""
     places = [numbers.index(k) for k in other]
@@ -364,10 +374,10 @@ def step(
     """
     tree, rows = equations.tree, equations.rows
     J, y, error = asked.expressed(equations)
-    residual = ca.vertcat(rows.phi, error)
-    found, pivots = solve(chart, ca.vertcat(rows.Phi, J), -residual)
+    residual, A = ca.vertcat(rows.phi, error), ca.vertcat(rows.Phi, J)
+    found, pivots = solve(chart, A, -residual)
     w = ca.vertcat(*[found[k] for k in range(equations.nv)])
-    length = ca.mmax(ca.fabs(w * ca.DM(1 / tree.rate_units)))
+    length = ca.mmax(ca.fabs(w * ca.DM(np.where(bending(tree, A), 1 / tree.rate_units, 0.0))))
     q = tree.q + ca.mtimes(tree.derivative_map, w * (1 / ca.fmax(1, length / LONGEST)))
     for places, _ in tree.quaternions:
         q[list(places)] /= ca.norm_2(q[list(places)])

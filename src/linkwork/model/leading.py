@@ -30,7 +30,7 @@ from linkwork.model.closing import Approach, Closed, Least, Step, closed
 from linkwork.model.leg_sides import LegSides, side_of
 from linkwork.model.modes import SAMPLES, SPREAD, ModeStages, same
 from linkwork.model.spread import extent
-from linkwork.model.turning import closing
+from linkwork.model.turning import behind_threads, closing
 from linkwork.model.walking import FINEST, FIRST, NEWTON, Walker, distances, rounds_of, walkable
 
 STARTS, ITERATIONS = 48, 40  # random configurations, and Newton's steps from each
@@ -343,11 +343,14 @@ class Leader:
         alike = None if near is None else near.repeat(starts, axis=0)
         q, good, fits = self.closed(step, q, (y,), mode, False, alike)
         fits[fits] = self.on_side(q[fits], start, mode)
-        # Whole turns of a screw, or of a wheel in mesh, open loops.
+        # Whole turns of a screw, or of a wheel in mesh, open loops; others turn as threads do.
         free = closing(self.chart)
         for place, rate in tree.single:
             if free[place] and not tree.slides[rate]:
                 q[:, place] -= 2 * np.pi * np.round((q[:, place] - start[place]) / (2 * np.pi))
+        for place, turns in behind_threads(self.chart, start, q).items():
+            fits &= bool(free[place]) | (turns == 0)
+            q[:, place] += 2 * np.pi * turns
         away = np.where(fits, np.linalg.norm((q - start) / tree.units, axis=1), np.inf)
         nearest = away.reshape(-1, starts).argmin(axis=1) + starts * np.arange(len(y) // starts)
         return q[nearest], np.logical_or.reduce(good.reshape(-1, starts), axis=1), fits[nearest]

@@ -19,11 +19,16 @@ import numpy as np
 from linkwork.control.acting import OUTPUTS, Acting
 from linkwork.control.observation import expression
 from linkwork.equations import Equations
+from linkwork.equations.joints import pattern
+from linkwork.equations.reference import OPEN, unit
 from linkwork.kernels.program import Program, trace
 from linkwork.mechanism.joints import SLIDES, TURN
 from linkwork.model.charts import CompiledChart
+from linkwork.model.closing import settled
 from linkwork.simulation.turns import SPAN, Turning
 
+NEAR, SPREAD = 4, 0.02  # configurations near home, and how far they are from it
+ALIKE = 1e-7  # part of a rate by which two may differ that are one
 ACTS = ("command", "force", "extra_rates", "wrenches")
 Shares = dict[int, float]  # a_i by i
 
@@ -116,12 +121,94 @@ def readings(chart: CompiledChart) -> np.ndarray:
 
 
 def turnable(chart: CompiledChart, places: Sequence[int]) -> np.ndarray:
-    """Return which joint coordinates can be given whole turns without opening a loop, or have lost
-    count of theirs."""
+    """Return which joint coordinates can be given whole turns without opening a loop or a thread
+    that advances, or have lost count of theirs."""
+    told, advancing = readings(chart), {int(place) for place, *_ in threaded(chart)}
     return np.array(
-        [bool(carriers(chart, place, ())) or not readings(chart)[place].any() for place in places],
+        [
+            not told[place].any() or (place not in advancing and bool(carriers(chart, place, ())))
+            for place in places
+        ],
         bool,
     )
+
+
+def threaded(chart: CompiledChart) -> np.ndarray:
+    """Return the angles (k) that turn as a thread does, wherever the joints stand: places of both
+    among the coordinates, and the ratio of their rates (k, 3).
+
+    Loops may see such an angle by sines and cosines alone, and yet its whole turns advance the
+    thread.
+    """
+    return chart.kept("threaded", lambda: with_threads(chart))
+
+
+def with_threads(chart: CompiledChart) -> np.ndarray:
+    """Return what `threaded` keeps."""
+    mechanism, equations = chart.equations.mechanism, chart.equations
+    pairs = [(name, joint) for name, joint in mechanism.pairs.items() if "screw" in pattern(joint)]
+    threads = [joint.rates(name)[pattern(joint).index("screw")] for name, joint in pairs]
+    if not threads or not chart.independent:
+        return np.empty((0, 3))
+    # Rates of all joints, at closed configurations near each other.
+    aside = np.random.default_rng(1841).standard_normal((NEAR, equations.nq))
+    q = equations.reference + SPREAD * equations.tree.units * aside
+    q, gap = settled(chart.kernel("closure_step"), unit(equations.tree, q), chart.p)
+    if not (gap <= OPEN).any():
+        return np.empty((0, 3))
+    L = chart.kernel("maps")(q[gap <= OPEN], chart.p)[0].reshape(-1, len(mechanism.rates)).T
+    # Those that are the same part of a thread's everywhere.
+    pairs = mechanism.pairs.items()
+    labels = {label for name, joint in pairs for label in joint.angles(name)} - {*threads}
+    found = []
+    for thread in threads:
+        own = L[mechanism.rates.index(thread)]
+        for label in sorted(labels):
+            rate = L[mechanism.rates.index(label)]
+            ratio = rate @ own / max(own @ own, 1e-300)
+            if np.linalg.norm(rate - ratio * own) <= ALIKE * abs(ratio) * np.linalg.norm(own) > 0:
+                place, advance = (mechanism.coordinates.index(x) for x in (label, thread))
+                found.append((place, advance, ratio))
+    return np.array(found).reshape(-1, 3)
+
+
+def as_threads(chart: CompiledChart, begun: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """Return the values of the angles of `threaded` (..., k) that have turned as their threads have
+    at joint coordinates (..., m) since others (m)."""
+    label, thread = threaded(chart)[:, :2].T.astype(int)
+    return begun[label] + threaded(chart)[:, 2] * (positions - begun)[..., thread]
+
+
+def behind_threads(chart: CompiledChart, start: np.ndarray, q: np.ndarray) -> dict[int, np.ndarray]:
+    """Return by how many turns (K) angles of the tree are behind their threads at closed
+    configurations (K, nq), by what both were at one (nq); by their places in q."""
+    ties, tree = threaded(chart), chart.equations.tree
+    (positions,), (begun,) = (chart.kernel("positions")(each) for each in (q, start))
+    names = [chart.equations.mechanism.coordinates[int(label)] for label, *_ in ties]
+    meant = as_threads(chart, begun, positions)
+    return {
+        place: np.round((meant[:, k] - q[:, place]) / (2 * np.pi))
+        for k, name in enumerate(names)
+        if (place := tree.places.get(name)) is not None
+    }
+
+
+def by_threads(
+    chart: CompiledChart, names: Sequence[str], values: np.ndarray, begun: np.ndarray
+) -> tuple[str, ...]:
+    """Return names with threads instead of angles that turn as these do and have lost count of
+    their turns; sets their values (..., names) to those of the threads.
+
+    begun: joint coordinates (m) at which both count from
+    """
+    coordinates, found = chart.equations.mechanism.coordinates, list(names)
+    for label, thread, ratio in threaded(chart):
+        i, k = int(label), int(thread)
+        if coordinates[i] in found and not readings(chart)[i].any() and coordinates[k] not in found:
+            at = found.index(coordinates[i])
+            values[..., at] = begun[k] + (values[..., at] - begun[i]) / ratio
+            found[at] = coordinates[k]
+    return tuple(found)
 
 
 def turned(
