@@ -39,6 +39,16 @@ def test_a_search_from_many_starts_derives_few_charts():
     assert len(robot.charts) == 2
 
 
+@pytest.mark.parametrize("lengths", [(0.86, 0.92, 0.25, 0.39), (0.99, 0.93, 0.81, 0.63)])
+def test_stable_and_unstable_equilibria_alternate_around_a_circuit(lengths):
+    """A crank between two dead points: near these it hardly turns, and summits lie there."""
+    _, crank, coupler, rocker = lengths
+    centres = (crank / 2, coupler / 2, rocker / 2)
+    described = lw.robots.four_bar(*lengths, centres=centres, gravity=(0.0, -9.81, 0.0))
+    found = equilibria(lw.Robot(described))
+    assert len(found) == 2 * sum(one.stable for one in found) > 0
+
+
 def test_a_motor_holds_the_pendulum_at_its_angle():
     """m g l cos q = u."""
     found = equilibrium(built("pendulum"), {"hinge_1": 5.0})

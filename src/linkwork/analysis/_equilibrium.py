@@ -46,10 +46,10 @@ from linkwork.model.linear import (
 from linkwork.patience import announced
 from linkwork.robot import Robot, State
 
-ROUNDS = 200
+ROUNDS, NEWTON = 200, 60  # steps to an equilibrium, and Newton's that close a random configuration
 BALANCED = 1e-10  # energy of what stays unbalanced, relative to what balances each other
 LONGEST = 0.3  # shift, in the mechanism's own units
-WEAK = 0.05
+WEAK = 0.03
 CLOSED, OPEN = 1e-13, 1e-9  # gaps of loops, in own units, that are none, and that are not closed
 SAME = 1e-6  # difference of poses that counts as none, lengths relative to the mechanism's own
 
@@ -151,7 +151,7 @@ def equilibria(
     Args:
         robot: any; forces: u of the actuators [N, N m], or by name (others zero); zero if left out.
         starts: number of random configurations of the independent joints, each on the branch that
-            is found first.
+            is found first; closed the shortest way where these do not reach it.
         seed: of the random configurations.
     """
     needed(robot, Robot)
@@ -159,11 +159,17 @@ def equilibria(
     names = tuple(name for name in robot.independent if name in robot.coordinates)
     problem = solver(of_joints(robot, names))
     random = random_numbers(seed)
-    q = random_configurations(problem.square, problem.length, count(starts, "starts", MOST), random)
-    asked = robot.kernel("positions")(q)[0][:, [robot.coordinates.index(name) for name in names]]
-    q, good = problem.solve(q, asked, 60)
-    found: list[Equilibrium] = []
-    known: list[tuple[str, ...]] = []
+    begun = random_configurations(
+        problem.square, problem.length, count(starts, "starts", MOST), random
+    )
+    places = [robot.coordinates.index(name) for name in names]
+    q, good = problem.solve(begun, robot.kernel("positions")(begun)[0][:, places], NEWTON)
+    # What these joints do not reach is closed the shortest way: arcs on which they hardly turn.
+    left, none = begun[~good], np.zeros((np.count_nonzero(~good), 0))
+    least = robot.least(robot.joints_asked(())).step
+    closed = closing.closed(least, left, (none,), NEWTON, contracting=False)
+    q[~good], good[~good] = closed.q, closed.met & (closed.told[0] >= 0)
+    known, found = list[tuple[str, ...]](), list[Equilibrium]()
     for start in (robot.equations.reference, *q[good]):
         for stable in (True, False):
             try:
