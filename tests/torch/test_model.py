@@ -222,6 +222,21 @@ def test_arrays_that_may_only_be_read_are_taken_without_a_warning(model):
         torch.set_warn_always(False)
 
 
+def test_what_is_given_and_what_is_found_share_no_memory(model):
+    """Loops that are closed already are passed on, and rows may be one row that is read often."""
+    closed = torch.tensor(model.closed(model.q).tolist(), dtype=torch.float64)
+    found = model.closed(closed.expand(3, -1))
+    found[0] += 1.0
+    torch.testing.assert_close(found[1:], model.q.expand(2, -1))
+    torch.testing.assert_close(closed, model.q)
+    # An array that changes between a call and its gradient.
+    q, u = model.q.numpy().copy(), torch.zeros(3, requires_grad=True)
+    (told,) = torch.autograd.grad(model.forward_dynamics(q, model.v, u).sum(), u)
+    dv = model.forward_dynamics(q, model.v, u).sum()
+    q += 0.05
+    assert torch.equal(torch.autograd.grad(dv, u)[0], told)
+
+
 def test_results_by_name_have_their_shapes(model):
     q, v, _ = state_of(model)
     assert model.mass_matrix(q.expand(5, -1)).shape == (5, 3, 3)

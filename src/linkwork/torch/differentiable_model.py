@@ -60,9 +60,7 @@ class TorchModel(ArrayModel):
                 "tensor.cpu()"
             )
         try:
-            tensor = torch.as_tensor(
-                value if isinstance(value, Tensor) else np.require(value, requirements="W")
-            )
+            tensor = value if isinstance(value, Tensor) else torch.from_numpy(np.array(value))
             real = not (tensor.is_complex() or tensor.dtype is torch.bool)
             return tensor.to(torch.float64) if real else None
         except (TypeError, ValueError, RuntimeError):

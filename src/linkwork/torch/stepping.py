@@ -33,7 +33,7 @@ def closing(offered: Offered, guard: Guard) -> Callable[..., Tensor]:
 
     def evaluate(q: Tensor, *p: Tensor) -> Tensor:
         given = [each.detach().numpy() for each in p]
-        found, gap = settled(kernel, q.detach().numpy(), given, enough)
+        found, gap = settled(kernel, q.detach().numpy().copy(), given, enough)
         return torch.from_numpy(guard.closed(guard.sound(found), gap, enough))
 
     def backward(ctx: Any, dq: Tensor) -> tuple[Tensor | None, ...]:
