@@ -245,6 +245,21 @@ def test_results_by_name_have_their_shapes(model):
     assert "slide_1" in repr(model) and "3-PRR" in repr(model)
 
 
+def test_functions_that_are_offered_are_there_and_others_are_refused(robot, model):
+    """In the shapes of CasADi's, at home."""
+    q, random = robot.home.q, np.random.default_rng(3)
+    for name in model.functions[:-3]:
+        f = robot.functions()[name]
+        given = [q, *(random.normal(size=f.numel_in(i)) for i in range(1, f.n_in()))]
+        found, wanted = getattr(model, name)(*given), [np.array(y) for y in f.call(given)]
+        for y, other in zip(found if isinstance(found, tuple) else [found], wanted, strict=False):
+            other = wanted[1] if name == "forward_dynamics" else other
+            np.testing.assert_allclose(y.numpy().ravel(), other.ravel(), rtol=1e-9, atol=1e-9)
+    assert "reactions" not in model.functions
+    with pytest.raises(AttributeError, match=r"no expressions; robot\.reactions does"):
+        _ = model.reactions
+
+
 def refusals(model):
     q, v, u = state_of(model)
     one = model.forward_dynamics

@@ -26,9 +26,10 @@ class ArrayModel:
     q (..., nq) are the coordinates of the tree, v (..., n) the independent rates, u the actuators'
     forces, as of `State.q`, `State.rates` and `robot.actuators`; leading dimensions are
     broadcast. Robots with free numbers take them as a last argument p (..., np), their own if left
-    out. Beside the methods below there are all functions of `robot.functions()` that need no
-    Newton's method, by name: inverse_dynamics(q, v, dv), mass_matrix(q), tool_pose(q), energy(q, v)
-    ... ; what has one result returns it, others return a named tuple.
+    out. Beside the methods below there are all functions of `robot.functions()` that are
+    expressions (reactions solve equations and are none), by name: inverse_dynamics(q, v, dv),
+    mass_matrix(q), tool_pose(q), energy(q, v) ... ; what has one result returns it, others return a
+    named tuple.
 
     All are differentiable twice with respect to all arguments. Derivatives by q are those of the
     expressions in all nq coordinates; along a motion of closed loops,

@@ -19,17 +19,18 @@ from linkwork.model.charts import LARGE
 from linkwork.model.state import State
 from linkwork.robot import Robot
 
-IMPLICIT = {
-    "closed": "its own function of that name closes loops",
-    "tool_to_joints": "robot.assemble does",
+SOLVED = {
+    "closed": "is found by Newton's method; its own function of that name closes loops",
+    "tool_to_joints": "is found by Newton's method; robot.assemble does",
+    "reactions": "solves equations that are no expressions; robot.reactions does",
 }
-"""What Newton's method finds, and who does it instead."""
+"""What is no expression, why, and who does it instead."""
 
 
 RANKS = {
     **dict.fromkeys(("kinetic", "potential", "residual"), 0),
     **dict.fromkeys(("M", "S", "L", "T", "J", "dJ", "Phi"), 2),
-    **dict.fromkeys(("wrenches", "origins", "orientations", "twists"), 2),
+    **dict.fromkeys(("origins", "orientations", "twists"), 2),
 }
 """Dimensions of the results that are not vectors, by name."""
 
@@ -40,7 +41,7 @@ class Offered(Mapping[str, ArrayFunction]):
     """Hold a robot's functions of arrays in one choice of independent rates, by name; each is made
     when it is first asked for.
 
-    functions: CasADi's, of the same names but for those that Newton's method finds;
+    functions: CasADi's, of the same names but for those that are no expressions;
         forward_dynamics gives v' alone
     equations: in these rates
     """
@@ -56,8 +57,8 @@ class Offered(Mapping[str, ArrayFunction]):
             LinkworkError: there is none of that name; the robot cannot have it.
         """
         if name not in self._made:
-            if name in IMPLICIT:
-                raise LinkworkError(f"'{name}' is found by Newton's method; {IMPLICIT[name]}")
+            if name in SOLVED:
+                raise LinkworkError(f"'{name}' {SOLVED[name]}")
             f = self.functions[name]
             forward = name == "forward_dynamics"
             self._made[name] = (
@@ -68,7 +69,7 @@ class Offered(Mapping[str, ArrayFunction]):
         return self._made[name]
 
     def __iter__(self) -> Iterator[str]:
-        return (name for name in self.functions if name not in IMPLICIT)
+        return (name for name in self.functions if name not in SOLVED)
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
