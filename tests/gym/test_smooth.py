@@ -37,6 +37,23 @@ def test_functions_do_what_environments_do(make):
             break
 
 
+def test_actions_are_cut_to_their_bounds_as_environments_do():
+    """Beyond them nothing depends on them; at a bound the slope is that of inside."""
+    process, d = reaching(), [0.01, -0.02, 0.0]
+    whole, envs = smooth(process), Environments(process, 1)
+    envs.reset(seed=4, options={"draws": dict(zip(whole.draws, d, strict=True))})
+    a, y = ca.MX.sym("a", 3), whole.begin(whole.starts[0], d)
+    after = whole.step(0, y, a, d)
+    told = ca.Function("told", [a], [*whole.read(process.dt, after, a, d), ca.jacobian(after, a)])
+    seen, reward, *_ = envs.step([[3.0, -1.5, 1.0]])
+    observation, r, _, slope = told([3.0, -1.5, 1.0])
+    np.testing.assert_allclose(observation.full().ravel(), seen[0], 1e-9, 1e-10)
+    assert float(r) == pytest.approx(reward[0], abs=1e-10)
+    slope, inside = slope.full(), told([1.0, -1.0, 1.0])[3].full()
+    assert not slope[:, :2].any() and np.abs(inside).max(axis=0).min() > 1e-3
+    np.testing.assert_array_equal(slope[:, 2], inside[:, 2])
+
+
 @pytest.mark.parametrize("make", [reaching, balancing])
 def test_gradients_of_returns_are_those_of_differences(make):
     process, steps = make(), 12

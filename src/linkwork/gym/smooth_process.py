@@ -4,7 +4,8 @@
 
 y = (q, v, z) in one chart, d the numbers that are drawn. A step is that of `Environments`, but that
 the loops are closed by one step of Newton's method instead of as many as it takes, and that the
-chart stays: derivatives are exact wherever the motion has some.
+chart stays: derivatives are exact wherever the motion has some. Actions are cut to their bounds;
+derivatives by what is beyond them are zero.
 """
 
 from __future__ import annotations
@@ -59,7 +60,9 @@ def smooth(process: DecisionProcess) -> SmoothProcess:
     t, y = ca.MX.sym("t"), ca.MX.sym("y", robots.y.shape[1])
     action, draws = ca.MX.sym("action", process.size), ca.MX.sym("draws", len(process.draws))
     known = dict(zip(process.draws, ca.vertsplit(draws), strict=True))
-    known |= dict(zip(process.action_names, ca.vertsplit(action), strict=True))
+    low, high = (ca.MX(ca.DM(np.asarray(bounds))) for bounds in (process.low, process.high))
+    taken = ca.fmin(ca.fmax(action, low), high)
+    known |= dict(zip(process.action_names, ca.vertsplit(taken), strict=True))
     acting = system.acting.parameters if system.acting else {}
     robot = process.robot.parameters
     own, others = ([known.get(name, value) for name, value in of.items()] for of in (robot, acting))
