@@ -16,7 +16,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import number, positive
+from linkwork.checks import needed, number, positive
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.transmissions import Cable
 from linkwork.model.state import Motion, State
@@ -68,6 +68,7 @@ def tensions(
         LinkworkError: no cable among the actuators; bounds out of order; what `inverse_dynamics`
             refuses; bounds within which no tensions move the robot so, with the first state.
     """
+    needed(robot, Robot)
     cables = [isinstance(robot.mechanism.transmissions.get(n), Cable) for n in robot.actuators]
     if not any(cables):
         raise LinkworkError(

@@ -234,7 +234,8 @@ class Fit:
     """Hold measured values beside a model, and where its loops closed last.
 
     readings (N, n); tool (N, 6) or None; joints (N, further joints)
-    q: where the loops closed last (N, nq); at: the numbers with which they did
+    q: where the loops closed last (N, nq); at: the numbers with which they did; found: the slopes
+        there, once they were asked for
     """
 
     model: PoseModel
@@ -243,11 +244,13 @@ class Fit:
     joints: np.ndarray
     q: np.ndarray
     at: np.ndarray | None = None
+    found: np.ndarray | None = None
 
     def close(self, p: np.ndarray) -> np.ndarray:
         """Return configurations (N, nq) closed with p, begun where they closed last."""
         if self.at is None or not np.array_equal(p, self.at):
             self.q, self.at = self.model.closed(self.q, self.readings, p), p.copy()
+            self.found = None
         return self.q
 
     def remains(self, p: np.ndarray) -> np.ndarray:
@@ -255,17 +258,24 @@ class Fit:
         return self.model.remains(self.close(p), p, self.tool, self.joints).ravel()
 
     def tried(self, p: np.ndarray) -> np.ndarray:
-        """Return what remains with p, very much where the loops do not close: a step too far."""
+        """Return what remains with p, very much where the loops do not close, or the tool is held
+        by nothing: a step too far."""
+        before = self.q, self.at, self.found
         try:
+            self.slopes(p)
             return self.remains(p)
         except LinkworkError:
+            self.q, self.at, self.found = before
             return np.full(
                 self.q.shape[0] * self.model.scales.size, TOO_FAR / self.model.scales.min()
             )
 
     def slopes(self, p: np.ndarray) -> np.ndarray:
         """Return the derivative of what is foretold by p, over the noise (N rows, np)."""
-        return self.model.slopes(self.close(p), p, self.tool).reshape(-1, p.size)
+        q = self.close(p)
+        if self.found is None:
+            self.found = self.model.slopes(q, p, self.tool).reshape(-1, p.size)
+        return self.found
 
 
 def warn_of_units(robot: Robot, tool: np.ndarray, foretold: np.ndarray) -> None:

@@ -59,13 +59,16 @@ def idle_wheels(robot: Robot) -> tuple[str, ...]:
     Phi, tree, meshes = equations.rows.Phi, equations.tree, gear_rows(robot)
     pose = body_motion.tool_pose(tree, mechanism.first_tool) if mechanism.tools else ()
     leads = ca.which_depends(ca.vertcat(ca.SX(0, 1), *pose), tree.q, 1, False)
-    tied = {c for r, c in zip(*Phi.sparsity().get_triplet(), strict=True) if r not in meshes}
+    entries = [*zip(*Phi.sparsity().get_triplet(), strict=True)]
+    tied = {c for r, c in entries if r not in meshes}
+    geared = {c for r, c in entries if r in meshes}
     bends = bending(tree, Phi)
     return tuple(
         label
         for place, rate in tree.single
         if (label := tree.coordinates[place])
-        and not (tree.slides[rate] or leads[place] or rate in tied or bends[rate])
+        and rate in geared - tied
+        and not (tree.slides[rate] or leads[place] or bends[rate])
     )
 
 
