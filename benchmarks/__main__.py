@@ -63,6 +63,7 @@ PAGES: Mapping[str, Sections] = {
     },
     "simulation": {
         "single": lambda _: single.run(),
+        "plain": lambda _: single.plain(),
         "ensemble": lambda _: ensemble.run(),
         "stepper": lambda _: stepper.run(),
         "learning": lambda _: learning.run(),

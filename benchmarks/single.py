@@ -22,6 +22,7 @@ from benchmarks.timing import Contender, best, interleaved, summary, us
 RTOL = 1e-8
 PROMISED = 15.0  # [us]
 FEW, MANY = 11, 101  # instants saved by dense output
+ABOVE = 50.0  # [us] that a plain call takes above its compiled loop, promised
 END, PLAIN = "end saved", f"{FEW} instants saved"
 COLUMNS = (
     "motion",
@@ -43,6 +44,11 @@ METHOD = f"""
     `robot.simulate` hands it. Simulate: `robot.simulate` as a user calls it, without what a run
     measures when it is asked for. Error: largest of all joint coordinates at the end, against the
     method of order 8 at rtol 1e-13. Medians of blocks of 2 ms in which all take turns.
+    """
+PLAINLY = """
+    "pushed" of the section before by `robot.simulate(state, forces, duration=1.0)`, with nothing
+    else asked for, beside its compiled loop alone, with the arguments that it hands this. Medians
+    of blocks of 2 ms that take turns.
     """
 
 
@@ -118,6 +124,21 @@ def run(rounds: int = 40, ways: Mapping[str, Way] = WAYS) -> Section:
     return Section(
         "One second alone", METHOD, figures, {"seconds": raw}, listing=Listing(COLUMNS, rows)
     )
+
+
+def plain(rounds: int = 200) -> Section:
+    """Time a call that asks for nothing but a run, and its compiled loop, in turn."""
+    robot = lw.Robot(prr3())
+    task = second_of_pushing(robot)
+    call = partial(robot.simulate, task.start, task.signal, duration=task.duration)
+    calls = {"robot.simulate": call, "compiled loop": runs.loop_of(call, native)}
+    seconds = interleaved({name: Contender(each) for name, each in calls.items()}, rounds)
+    whole, loop = (us(values) for values in seconds.values())
+    figures = [Figure("robot.simulate, above its compiled loop", whole - loop, "µs", ABOVE)]
+    rows = [(name, quantity(us(values), "")) for name, values in seconds.items()]
+    raw = {name: summary(values) for name, values in seconds.items()}
+    listing = Listing(("call", "a run [µs]"), rows)
+    return Section("A plain run", PLAINLY, figures, {"seconds": raw}, listing=listing)
 
 
 EXACT = Way({"method": "dop853", "rtol": 1e-13, "atol": 1e-15})

@@ -66,6 +66,13 @@ def test_all_methods_meet_in_the_same_second():
     json.dumps(section.raw)
 
 
+def test_a_plain_run_is_timed_beside_its_loop():
+    section = single.plain(rounds=1)
+    assert {name for name, _ in listed(section)} == {"robot.simulate", "compiled loop"}
+    assert len(values(section.figures)) == 1
+    json.dumps(section.raw)
+
+
 def test_steppers_of_both_engines_are_timed():
     section = stepper.run(rounds=1, robots=16, stack=1024)
     assert len(listed(section)) == 12

@@ -42,6 +42,7 @@ Forces = ArrayLike | Mapping[str, float] | Sampled | Signal | Sampler | Callable
 FREED = " (robot.free makes one of a number of the robot)"
 FREE = 1e300  # absolute tolerance of numbers that may err
 GIVEN = Sampled, Signal  # forces that are given over time
+NONE = np.empty(0)  # further states
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +77,7 @@ class System:
     @cached_property
     def initial(self) -> np.ndarray:
         """The extra states with which drives and controllers begin (nz)."""
-        return np.array([extra.initial for extra in self.extras], float)
+        return np.array([extra.initial for extra in self.extras], float) if self.extras else NONE
 
     @property
     def events(self) -> tuple[Event, ...]:
