@@ -11,12 +11,12 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from math import inf
 from multiprocessing.process import current_process
 from threading import Thread, Timer, current_thread, main_thread
-from typing import Any, ClassVar
+from typing import ClassVar
 
 PATIENCE = 2.0  # how long nothing is said [s]
 GLANCE = 0.25  # time between two looks of the clock at what goes on [s]
@@ -117,33 +117,22 @@ def interruptions_held() -> Iterator[Callable[[], bool]]:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-class Kept:
+class Kept(ExitStack):
     """Keep what is done piece by piece from being thrown away by Ctrl-C, once it is worth that.
 
     What has taken a second since its first piece is worth keeping in any case; before that Ctrl-C
     ends it at once.
     """
 
-    __slots__ = ("began", "came", "held")
-
-    def __init__(self) -> None:
-        self.began, self.came = 0.0, lambda: False
-        self.held: AbstractContextManager[Callable[[], bool]] | None = None
-
-    def __enter__(self) -> Kept:
-        return self
-
-    def __exit__(self, *fault: Any) -> None:
-        if self.held:
-            self.held.__exit__(*fault)
+    began: float | None = None
+    came: Callable[[], bool] | None = None
 
     def interrupted(self, worth: bool) -> bool:
         """Tell after a piece, and whether that is worth keeping, if Ctrl-C was pressed since."""
         self.began = self.began or time.perf_counter()
-        if self.held is None and (worth or time.perf_counter() - self.began > WORTH):
-            self.held = interruptions_held()
-            self.came = self.held.__enter__()
-        return self.came()
+        if self.came is None and (worth or time.perf_counter() - self.began > WORTH):
+            self.came = self.enter_context(interruptions_held())
+        return self.came is not None and self.came()
 
 
 @contextmanager
