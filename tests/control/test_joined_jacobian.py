@@ -19,7 +19,7 @@ def jacobians(robot: lw.Robot, monkeypatch, **given) -> list[np.ndarray]:
     found = []
     for bound in (10**9, 0):
         monkeypatch.setattr(joined, "WRITTEN_OUT", bound)
-        whole = with_jacobian(robot, plain, (0.0, 1.0))
+        whole = with_jacobian(robot, plain)
         inputs = whole.joined(robot.chart).inputs
         state = np.random.default_rng(0).normal(size=sum(x.numel() for x in inputs.values()))
         state[: robot.home.q.size] = robot.home.q
@@ -41,7 +41,7 @@ def test_both_ways_agree_with_loops_trees_and_controllers(monkeypatch):
 def test_a_large_tree_runs_by_the_stiff_method():
     """Six hinges, damped; the explicit method of order 8 is the other way."""
     robot = lw.Robot(hinges(6))
-    whole = with_jacobian(robot, system(robot, None, None, (), (), {}, (0.0, 0.1)), (0.0, 0.1))
+    whole = with_jacobian(robot, system(robot, None, None, (), (), {}, (0.0, 0.1)))
     assert whole.joined(robot.chart).large
     ends = [
         robot.simulate(robot.home, duration=0.1, rtol=1e-9, atol=1e-11, method=method)

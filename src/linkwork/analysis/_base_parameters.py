@@ -32,7 +32,6 @@ from linkwork.robot import Robot, State
 
 DEPENDENT = 1e-8  # singular value over the largest, above which none is rounding
 FLOOR, GAP = 1e-15, 100.0  # rounding itself; least fall of singular values at the rank
-FLOOR = 1e-15
 NEGLIGIBLE = 1e-9
 ROUNDING = 1e-6  # coefficients of columns of length 1 that are taken for zero
 SPREAD = 1.0  # of random configurations, in own units: nearer, small parts are rounding

@@ -10,6 +10,7 @@ Parallel Robots, ch. 3.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf
 from typing import overload
 
@@ -18,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.checks import needed, number, positive
 from linkwork.errors import LinkworkError
-from linkwork.mechanism.transmissions import Cable
+from linkwork.mechanism.transmissions import cables_among
 from linkwork.model.state import Motion, State
 from linkwork.robot import Robot
 from linkwork.simulation import Sampled
@@ -69,8 +70,8 @@ def tensions(
             refuses; bounds within which no tensions move the robot so, with the first state.
     """
     needed(robot, Robot)
-    cables = [isinstance(robot.mechanism.transmissions.get(n), Cable) for n in robot.actuators]
-    if not any(cables):
+    cables = cables_among(robot.mechanism.transmissions, robot.actuators)
+    if not cables:
         raise LinkworkError(
             "no actuator of the robot pulls at a cable; take robot.inverse_dynamics"
         )
@@ -93,7 +94,7 @@ def tensions(
         u = np.array(robot.inverse_dynamics(states, rest))
     for index in np.ndindex(u.shape[:-1]):
         state = states.at(index) if index else states  # pyright: ignore[reportArgumentType]
-        added = taut(u[index], robot.internal_forces(state), np.array(cables), low, high)
+        added = taut(u[index], robot.internal_forces(state), cables, low, high)
         if added is None:
             when = f" at t = {motion.time[index[0]]:.6g} s" if isinstance(motion, Motion) else ""
             where = when or (f" in state {', '.join(map(str, index))}" if index else "")
@@ -106,11 +107,11 @@ def tensions(
 
 
 def taut(
-    u: np.ndarray, B: np.ndarray, cables: np.ndarray, low: float, high: float
+    u: np.ndarray, B: np.ndarray, cables: Sequence[int], low: float, high: float
 ) -> np.ndarray | None:
     """Return the least internal forces (actuators), of a basis B (actuators, k), that with forces u
-    (actuators) make tensions -u of cables from a lowest to a highest one; None if there are none.
-    """
+    (actuators) make tensions -u of cables (places) from a lowest to a highest one; None if there
+    are none."""
     from scipy.optimize import nnls
 
     # G x >= h, in parts of the largest bound.

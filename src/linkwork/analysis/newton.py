@@ -4,9 +4,8 @@ tool poses.
     q_next = q + N w s,    [Phi; J] w = -[phi; error],    s = min(1, 1 / largest of |w_k| / limit_k)
 
 Steps are limited in what is not linear, so that an almost singular Jacobian throws no start far
-away. States are worked
-off in chunks that fit the processor's cache, over threads; those that have converged leave their
-chunk.
+away. States are worked off in chunks that fit the processor's cache, over threads; those that have
+converged leave their chunk.
 """
 
 from __future__ import annotations

@@ -228,8 +228,7 @@ def retraced(
     assert isinstance(own, RunRecord)
     segments = own.segments
     if system is None:
-        span = float(segments[0].start[0]), float(segments[-1].trajectory.end_time)
-        system = with_jacobian(record.robot, record.system, span)
+        system = with_jacobian(record.robot, record.system)
     last = len(segments) - 1
     kept = [*enumerate(record.kept)] if samples else [(last, (segments[-1], np.array([-1])))]
     parts = [sampled(system, i, of.trajectory, of.trajectory.rows[rows]) for i, (of, rows) in kept]

@@ -7,7 +7,7 @@ f l' on the mechanism: it acts on the rates w as J' f, with l' = J w.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from math import dist
 from typing import Annotated, ClassVar, Literal, get_args
@@ -324,3 +324,8 @@ TYPES: dict[str, type[Record]] = {
     kind.model_fields["type"].default: kind for kind in get_args(get_args(Transmission)[0])
 }
 """The types of transmissions by their name in files."""
+
+
+def cables_among(lines: Mapping[str, Transmission], names: Sequence[str]) -> list[int]:
+    """Return the places, among some names, of those that transmissions have as cables."""
+    return [k for k, name in enumerate(names) if isinstance(lines.get(name), Cable)]

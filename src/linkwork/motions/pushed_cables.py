@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 
 from linkwork.errors import ModelWarning
-from linkwork.mechanism.transmissions import Cable
+from linkwork.mechanism.transmissions import cables_among
 from linkwork.model.state import State
 from linkwork.motions._follow import follow
 from linkwork.motions.timed_paths import TimedPath
@@ -18,8 +18,7 @@ PUSHED = 1e-6  # of the largest force of the cables, which is none
 
 def driven_cables(robot: Robot) -> list[int]:
     """Return the places of the cables among the actuators."""
-    lines = robot.mechanism.transmissions
-    return [k for k, name in enumerate(robot.actuators) if isinstance(lines.get(name), Cable)]
+    return cables_among(robot.mechanism.transmissions, robot.actuators)
 
 
 def warn_of_pushing(robot: Robot, forces: np.ndarray, stacklevel: int) -> None:

@@ -352,7 +352,7 @@ class Passage:
     @cached_property
     def with_jacobian(self) -> System:
         """The same system, with the kernel that stiff methods need."""
-        return with_jacobian(self.robot, self.system, (self.start, self.end))
+        return with_jacobian(self.robot, self.system)
 
     def faced(self, chart: CompiledChart, q: np.ndarray) -> CompiledChart:
         """Return a chart with its pivots positive at q."""

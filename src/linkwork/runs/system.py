@@ -314,16 +314,16 @@ def followed_by(robot: Model, acting: Acting, state: State | None) -> Followed:
     return (*angles, *(own for own in quaternions if read & set(own)))
 
 
-def with_jacobian(robot: Model, runs: System, span: tuple[float, float]) -> System:
+def with_jacobian(robot: Model, runs: System) -> System:
     """Return a system whose kernels are those of `Joined`, of which one is the Jacobian; inputs and
     parameters are the same."""
-    return runs if runs.acting else replace(runs, acting=robot.once(alone, span))
+    return runs if runs.acting else replace(runs, acting=robot.once(alone))
 
 
-def alone(robot: Model, span: tuple[float, float]) -> Acting:
-    """Return the acting of nothing on a robot."""
+def alone(robot: Model) -> Acting:
+    """Return the acting of nothing on a robot, at whatever times."""
     with BUILDING:
-        return acting_once(robot.names, None, {}, (), (), span)
+        return acting_once(robot.names, None, {}, (), (), (0.0, 0.0))
 
 
 def require_starts(runs: System, state: State, parameters: np.ndarray) -> None:
