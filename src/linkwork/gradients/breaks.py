@@ -71,8 +71,6 @@ class Breaks:
     def kinks(self) -> set[int]:
         """Rows at which what acts has a kink: steps ended there at events, and nothing jumps."""
         rows = self.rows
-        if not rows.cuts:
-            return set()
         jumping = {0, rows.last, *rows.acts, *self.jumps}
         jumping |= set(np.flatnonzero(np.isin(rows.t, rows.system.inputs.knots)).tolist())
         return rows.cuts.keys() - jumping
@@ -80,7 +78,7 @@ class Breaks:
     @property
     def inner(self) -> set[int]:
         """Rows within the segment at which steps are taken aside."""
-        return self.kinks | self.jumps.keys()
+        return self.kinks | self.jumps.keys() if self.rows.cuts else set()
 
     @cached_property
     def branching(self) -> Switching | None:
@@ -180,7 +178,10 @@ class Breaks:
     def beside_breaks(self, a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
         """Return times and states of the rows from a to b, so that slopes are those of the own
         side of kinks and jumps: steps end before one, and begin there in a state behind it."""
-        t, y = self.rows.t[a : b + 1].copy(), self.rows.y[a : b + 1].copy()
+        t, y = self.rows.t[a : b + 1], self.rows.y[a : b + 1]
+        if not self.asides:
+            return t, y
+        t, y = t.copy(), y.copy()
         if a in self.asides:
             t[:1], y[0] = self.behind(a, self.asides[a])
         if b in self.asides:

@@ -117,8 +117,11 @@ class SegmentLinks:
         near = t.searchsorted(times)
         ends = t[near] == times
         between = ~ends
+        inner = times[between]
         t, y, at = self.breaks.graded(a, b)
-        within = np.maximum(np.minimum(t.searchsorted(times[between]) - 1, len(t) - 2), 0)
+        within = inner
+        if inner.size:
+            within = np.maximum(np.minimum(t.searchsorted(inner) - 1, len(t) - 2), 0).astype(float)
         plan, apart = rows.plans
         kernels = rows.whole.acting, rows.chart, rows.whole.cost
         taken = StepsTaken(
@@ -129,8 +132,8 @@ class SegmentLinks:
             t=t,
             y=y,
             held=rows.held[a],
-            places=within.astype(float),
-            times=times[between],
+            places=within,
+            times=inner,
         )
         return Steps(
             run_kernels.addresses(*kernels),

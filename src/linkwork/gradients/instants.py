@@ -34,9 +34,11 @@ def sampled(
 ) -> Sampling:
     """Return the instants that rows of a trajectory hold."""
     n, held = of.y_end.size, system.acting.held if system.acting else 0
-    t, y, u = rows[:, 0], rows[:, 1 : 1 + n], values(system.inputs, rows[:, 0], from_left)
-    if held:
-        u = np.concatenate([u, rows[:, -2 - held : -2]], axis=1)
+    t, y, u = rows[:, 0], rows[:, 1 : 1 + n], rows[:, 1 + n : -2]
+    pieces, _, columns = system.inputs.coefficients.shape
+    if pieces > 1 or u.shape[1] != columns + held:  # rows tell one side of breaks, or fewer inputs
+        held_inputs = u[:, u.shape[1] - held :]
+        u = np.concatenate([values(system.inputs, t, from_left), held_inputs], axis=1)
     return Sampling(np.full(len(rows), segment), t, y, u)
 
 

@@ -142,6 +142,8 @@ class SegmentRows:
         Steps of a fixed length end at none. Where the motion jumps at a time that is the end of
         one, too, what acts in its stages is what acted there in the run, on whichever side.
         """
+        if not self.system.events:
+            return {}
         found, events = {}, self.segment.trajectory.events
         for time, event in zip(events.times, events.index, strict=True):
             row = int(np.abs(self.t - time).argmin())
