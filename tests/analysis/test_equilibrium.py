@@ -7,6 +7,7 @@ from scipy.optimize import minimize
 
 import linkwork as lw
 from linkwork.analysis import distributed_forces, equilibria, equilibrium
+from linkwork.errors import ModelWarning
 
 from tests.analysis.mechanisms import arm, cables, cart
 from tests.catalogue import built
@@ -90,6 +91,35 @@ def test_two_links_have_four_equilibria_of_which_one_is_stable():
     }
     assert angles == {(-1, -1), (-1, 1), (1, -1), (1, 1)}
     assert [one.stable for one in found] == [True, False, False, False]
+
+
+def test_points_of_a_continuum_are_told():
+    """A level five-bar rests anywhere; an arm that hangs from an upright axis, at any angle of it.
+    Springs at both motors hold the five-bar."""
+    level = lw.robots.five_bar()
+    with pytest.warns(ModelWarning, match="equilibria that are found are indifferent"):
+        found = equilibria(lw.Robot(level), starts=3)
+    assert all(one.indifferent and not one.stable for one in found)
+    held = level.model_copy(
+        update={"joints": level.joints | {
+            name: level.joints[name].model_copy(update={"spring": lw.Spring(stiffness=5.0)})
+            for name in level.actuators
+        }}
+    )  # fmt: skip
+    assert not equilibrium(lw.Robot(held)).indifferent
+    arm_of = lw.Body(mass=1.0, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(xx=0.01, yy=0.02, zz=0.02))
+    turned = lw.Mechanism(
+        bodies={"post": lw.Body(mass=0, inertia=lw.Inertia(zz=0.1)), "arm": arm_of},
+        joints={
+            "post": lw.RevoluteJoint(connects=("ground", "post"), axis=(0, 0, 1)),
+            "hinge": lw.RevoluteJoint(connects=("post", "arm"), axis=(0, 1, 0)),
+        },
+        gravity=(0, 0, -G),
+    )
+    with pytest.warns(ModelWarning):
+        found = equilibria(lw.Robot(turned), starts=3)
+    assert {round(float(np.sin(one.state["hinge"])), 6) for one in found} == {1.0, -1.0}
+    assert all(one.indifferent for one in found)
 
 
 def test_a_four_bar_rests_where_its_potential_energy_is_least_on_each_assembly_mode():

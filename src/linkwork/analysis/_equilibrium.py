@@ -20,6 +20,7 @@ Source: Lawson & Hanson 1974, Solving Least Squares Problems, ch. 23.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -31,7 +32,7 @@ from linkwork.analysis.newton import random_configurations, solver
 from linkwork.analysis.square import of_joints
 from linkwork.checks import MOST, count, needed, random_numbers, reals, shown, switch
 from linkwork.equations.fluid import in_wind
-from linkwork.errors import LinkworkError
+from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.model import checks, closing
 from linkwork.model.evaluation import internal_forces, of_actuators
 from linkwork.model.linear import (
@@ -64,6 +65,8 @@ class Equilibrium:
     residual: largest unbalanced force [N, N m]; stable: whether K is positive definite; where it is
         not symmetric, whether its symmetric part is: the poles of `robot.linearise(state, forces)`
         tell more there
+    indifferent: whether K is zero along some direction, along which there may be a continuum of
+        equilibria, of which this is one
     """
 
     state: State
@@ -71,6 +74,7 @@ class Equilibrium:
     stiffness: np.ndarray
     residual: float
     stable: bool
+    indifferent: bool = False
 
 
 def equilibrium(
@@ -121,7 +125,8 @@ def balanced(
             r, K_own = force * units, K * units * units[:, None]
             E = scale(robot, state, u, K_own)
             if largest(r) <= BALANCED * E and (not stable or settled(K_own, E)):
-                return Equilibrium(state, u, K, largest(force), positive(K_own))
+                kinds = positive(K_own), indifferent(K_own, E)
+                return Equilibrium(state, u, K, largest(force), *kinds)
             state = moved(robot, state, u, step(r, K_own, E, stable) * units, E, stable)
     worst = int(np.argmax(np.abs(r)))
     other = "choose another guess, or other forces"
@@ -146,13 +151,16 @@ def equilibria(
     """Find equilibria under constant actuator forces from random configurations, stable ones first.
 
     There may be others, which more `starts` or another `seed` may lead to: nothing tells that all
-    are found.
+    are found. Of a continuum of them some points are found, which is warned of.
 
     Args:
         robot: any; forces: u of the actuators [N, N m], or by name (others zero); zero if left out.
         starts: number of random configurations of the independent joints, each on the branch that
             is found first; closed the shortest way where these do not reach it.
         seed: of the random configurations.
+
+    Warns:
+        ModelWarning: some that are found may be points of a continuum.
     """
     needed(robot, Robot)
     u = actuator_forces(robot, forces)
@@ -179,6 +187,13 @@ def equilibria(
                 continue
             if not any(alike(robot, one.state, other.state) for other in found):
                 found.append(one)
+    if (loose := sum(one.indifferent for one in found)) > 0:
+        warnings.warn(
+            f"{loose} of the {len(found)} equilibria that are found are indifferent: along some "
+            "direction nothing holds them, so that each may be a point of a continuum",
+            ModelWarning,
+            stacklevel=3,
+        )
     return sorted(found, key=lambda one: not one.stable)
 
 
@@ -282,6 +297,12 @@ def settled(K: np.ndarray, E: float) -> bool:
     """Tell whether no direction is unstable; E: the size of what balances each other [J]."""
     values = np.linalg.eigvalsh((K + K.T) / 2)
     return bool(values.min(initial=0.0) >= -1e-9 * np.abs(values).max(initial=E))
+
+
+def indifferent(K: np.ndarray, E: float) -> bool:
+    """Tell whether some direction has no stiffness; E: the size of what balances each other [J]."""
+    values = np.abs(np.linalg.eigvalsh((K + K.T) / 2))
+    return bool((values <= 1e-9 * values.max(initial=E)).any())
 
 
 def positive(K: np.ndarray) -> bool:

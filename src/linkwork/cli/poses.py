@@ -58,7 +58,9 @@ def states_told(robot: Robot, states: State) -> list[dict[str, Any]]:
 def equilibrium_told(robot: Robot, found: analysis.Equilibrium) -> dict[str, Any]:
     """Return an equilibrium by name."""
     energy = float(robot.energy(found.state)[1])
-    told = {name: getattr(found, name) for name in ("stable", "stiffness", "residual")}
+    told = {
+        name: getattr(found, name) for name in ("stable", "indifferent", "stiffness", "residual")
+    }
     along = list(found.state.independent)
     return {
         "joints": joints_told(robot, found.state),

@@ -385,10 +385,11 @@ def equilibrium(
         energy = float(robot.energy(one.state)[1])
         values = np.linalg.eigvalsh((one.stiffness + one.stiffness.T) / 2)
         stiffnesses = ", ".join(f"{value:.4g}" for value in values)
+        loose = ", indifferent along some direction" if one.indifferent else ""
         out.print(
             facts(
                 [
-                    ("equilibrium", "stable" if one.stable else "not stable"),
+                    ("equilibrium", ("stable" if one.stable else "not stable") + loose),
                     ("at", pose_of(robot, one.state)),
                     ("stiffnesses", f"{stiffnesses}, along {', '.join(one.state.independent)}"),
                     ("energy", f"{energy:.6g} J"),
