@@ -91,8 +91,8 @@ class RunRecord(Mapping[str, Variable]):
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Return the shape of a quantity, whose values are not found for it."""
-        axes = self._quantity(name).axes
-        return (len(self.time), *(len(self._axes[axis].names) for axis in axes))
+        axes, saved = self._quantity(name).axes, sum(len(rows) for _, rows in self.kept)
+        return (saved, *(len(self._axes[axis].names) for axis in axes))
 
     def _measured(self, quantity: SavedQuantity) -> Variable:
         if quantity.whole:  # found when it is asked for
