@@ -111,6 +111,7 @@ class SegmentLinks:
 
     def steps(self, a: int, b: int) -> Steps:
         """Return the steps from row a to row b, with the samples between."""
+        # Samples up to row b: those at ends of steps, and those between.
         rows, t = self.rows, self.rows.t[a : b + 1]
         first, end = self.read_at.searchsorted(t[0], "right"), self.read_at.searchsorted(t[-1])
         times, numbers = self.read_at[first:end], self.read[first:end]
@@ -118,6 +119,7 @@ class SegmentLinks:
         ends = t[near] == times
         between = ~ends
         inner = times[between]
+        # The steps, beside breaks, and which of them the samples between are in.
         t, y, at = self.breaks.graded(a, b)
         within = inner
         if inner.size:
