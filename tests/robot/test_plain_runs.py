@@ -42,7 +42,9 @@ def files_called(work, monkeypatch) -> list[str]:
 
 
 @pytest.mark.parametrize("forces", [None, [5.0, 0.0, 0.0], {"slide_1": 5.0}])
-def test_a_plain_run_comes_to_the_compiled_loop_in_few_moves_between_files(forces, monkeypatch):
+def test_a_plain_run_comes_to_the_compiled_loop_in_few_moves_between_files(
+    forces, monkeypatch, code_at_once
+):
     robot = lw.Robot(lw.robots.prr3())
 
     def work():

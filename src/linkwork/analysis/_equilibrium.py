@@ -202,7 +202,8 @@ def in_good_rates(robot: Robot, state: State, known: list[tuple[str, ...]]) -> S
     known ones, or in others, which are then known."""
     for independent in (state.independent, *known):
         if abs(robot.charts[independent].pivot(state.q)) > WEAK:
-            return robot.in_chart(state, independent)
+            own = independent == state.independent
+            return state if own else robot.in_chart(state, independent)
     state = robot.in_chart(state, robot.chart.better(state.q, ()).independent)
     known.append(state.independent)
     return state
@@ -260,13 +261,13 @@ def moved(
     """Return the state after a shift, shortened until it closes and, downhill, the potential energy
     falls."""
     xi = xi * min(1.0, LONGEST / max(largest(xi / own_rates(robot, state)), 1e-300))
-    before = potential(robot, state, u)
+    before = potential(robot, state, u) if downhill else 0.0
     for _ in range(40):
         trial = shifted(robot, state, xi)
-        if trial is not None:
-            fallen = potential(robot, trial, u) - before
-            if not downhill or fallen <= 1e-12 * max(E, abs(before)):
-                return trial
+        if trial is not None and not downhill:
+            return trial
+        if trial is not None and potential(robot, trial, u) - before <= 1e-12 * max(E, abs(before)):
+            return trial
         xi = xi / 2
     return state
 

@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from linkwork.kernels.compile import Code, object_code
+from linkwork.kernels.compile import Code, shared_code
 from linkwork.kernels.machine import this_machine
 
 MANY = 64
@@ -95,7 +95,7 @@ class _Slots:
 
     def _compile(self) -> None:
         names = [f"one.{k}" for k in range(MANY)]
-        code = Code(object_code(slots_text(), this_machine()), (*names, "slots"))
+        code = shared_code(slots_text(), this_machine(), (*names, "slots"))
         self._codes.append(code)
         for k, name in enumerate(names):
             self._free.append(code.addresses[name])

@@ -93,12 +93,13 @@ def write(name: str, content: bytes) -> None:
 
 def sweep() -> None:
     """Take away the oldest entries where all together are larger than LARGEST."""
-    found = [(path, path.stat()) for path in folder().glob("*.kernel")]
+    with os.scandir(folder()) as entries:
+        found = [(each.path, each.stat()) for each in entries if each.name.endswith(".kernel")]
     over = sum(state.st_size for _, state in found) - LARGEST
     for path, state in sorted(found, key=lambda entry: entry[1].st_mtime):
         if over <= 0:
             return
-        path.unlink(missing_ok=True)
+        Path(path).unlink(missing_ok=True)
         over -= state.st_size
 
 
