@@ -107,7 +107,8 @@ def test_points_of_a_continuum_are_told():
         }}
     )  # fmt: skip
     assert not equilibrium(lw.Robot(held)).indifferent
-    arm_of = lw.Body(mass=1.0, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(xx=0.01, yy=0.02, zz=0.02))
+    leaning = lw.Inertia(xx=0.01, yy=0.02, zz=0.02)
+    arm_of = lw.Body(mass=1.0, centre_of_mass=(0.5, 0, 0), inertia=leaning)
     turned = lw.Mechanism(
         bodies={"post": lw.Body(mass=0, inertia=lw.Inertia(zz=0.1)), "arm": arm_of},
         joints={
