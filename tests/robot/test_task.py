@@ -425,3 +425,10 @@ def test_coordinates_that_move_with_open_loops_alone_are_refused():
     )
     robot = Robot(described.model_copy(update={"tools": {name: leaning}}))
     refused("x, y, z, roll only 3 coordinates are independent", robot.jacobian, robot.home)
+
+
+def test_the_task_that_a_refusal_suggests_is_what_the_robot_leads_best():
+    """Of a SCARA robot whose axes lean by 0.1 rad the turn about z, and not about y."""
+    leaning = scara().model_dump()
+    leaning["joints"]["shoulder"]["frames"][0]["turn"] = (0.1, 0.0, 0.0)
+    refused("such as task=('x', 'y', 'z', 'rz')", Robot(Mechanism(**leaning)).task_coordinates)

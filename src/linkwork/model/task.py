@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.equations.independence import largest_rows
 from linkwork.equations.reference import unit
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import TurnAbout
@@ -104,14 +105,11 @@ def not_plain(robot: Model) -> str:
             "that no task leads the robot; give the tool to another body, or name what is asked of "
             "it"
         )
-    moved = dict(zip(names, moving(robot), strict=True))
-    task: tuple[str, ...] = ()
-    # Of those that move at home, and then of the others, the first ones that are independent.
-    for name in sorted(names, key=lambda name: not moved[name]):
-        rows = [TWIST_ROWS[known] for known in (*task, name)]
-        task += (name,) * (max(ranks(maps[:, rows], maps)) > len(task))
+    # Where most can be led, those that the robot leads best.
+    there = maps[int(np.argmax(ranks(maps, maps)))][[TWIST_ROWS[name] for name in names]]
+    task = tuple(names[k] for k in sorted(largest_rows(there, able)))
     return (
-        f"the tool's pose has {len(names)} coordinates, of which {sum(moved.values())} move at "
+        f"the tool's pose has {len(names)} coordinates, of which {sum(moving(robot))} move at "
         f"home, and the robot {freedoms(robot)} freedom{'s' * (freedoms(robot) > 1)}; name the "
         f"coordinates that the tool is led in, of {', '.join(names)} and others (such as "
         f"task={task!r} of the tool)"
