@@ -117,6 +117,13 @@ def test_the_equations_are_told_at_one_state():
     assert "acceleration" in call("dynamics", "stewart").stdout
 
 
+def test_rounding_is_no_coordinate():
+    """Platforms that stand, or fall, along the axis are at 1e-16 m of it."""
+    for words in (("dynamics", "stewart"), ("simulate", "delta", "--duration", 0.05)):
+        told_of = call(*words).stdout.partition("joints")[2]
+        assert told_of and not re.search(r"e-1[4-9]", told_of)
+
+
 def test_words_are_the_fields_of_records():
     texts = fields(["a=1", "b=1,2", "c=1,2;3,4", "d.x=5", "d.y.z=6", "e=word"], "--goal")
     assert values(texts, "--goal") == {

@@ -150,3 +150,15 @@ def test_other_refusals():
     ):
         with pytest.raises(LinkworkError, match=said):
             call()
+
+
+@pytest.mark.parametrize("name", ["rrs3", "agile_wrist"])
+def test_moves_are_no_turns_of_a_tool_that_is_led_in_these(name):
+    """Three millimetres were followed as three milliradians."""
+    robot, (timed, *_) = built(name), run("G0 X0 Y0 Z0\nG1 X3 F600\n")
+    led = ", ".join(robot.task)
+    with pytest.raises(LinkworkError, match=f"leads x, y, z, but the tool is led in {led}; name"):
+        motions.follow(robot, timed)
+    if robot.task == ("rx", "ry", "rz"):  # asked for by name they are
+        motion = motions.follow(robot, timed, what=robot.task)
+        assert robot.task_values(motion.state)[-1] == pytest.approx([0.003, 0, 0], abs=1e-12)

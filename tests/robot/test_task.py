@@ -414,3 +414,21 @@ def test_values_of_a_robot_without_a_tool_are_refused():
     with pytest.raises(lw.LinkworkError, match="names no tool"):
         robot = Robot(lw.robots.bricard())
         robot.task_values(robot.home)
+
+
+def test_coordinates_that_move_with_open_loops_alone_are_refused():
+    """The roll of a leaning tool stays where a platform turns about the vertical alone."""
+    described = lw.robots.par4()
+    (name, tool), *_ = described.tools.items()
+    leaning = Tool(
+        body=tool.body, frame=Frame(rotation=(0.3, 0.5, -0.2)), task=("x", "y", "z", "roll")
+    )
+    robot = Robot(described.model_copy(update={"tools": {name: leaning}}))
+    refused("x, y, z, roll only 3 coordinates are independent", robot.jacobian, robot.home)
+
+
+def test_the_task_that_a_refusal_suggests_is_what_the_robot_leads_best():
+    """Of a SCARA robot whose axes lean by 0.1 rad the turn about z, and not about y."""
+    leaning = scara().model_dump()
+    leaning["joints"]["shoulder"]["frames"][0]["turn"] = (0.1, 0.0, 0.0)
+    refused("such as task=('x', 'y', 'z', 'rz')", Robot(Mechanism(**leaning)).task_coordinates)

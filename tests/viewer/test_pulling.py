@@ -95,3 +95,19 @@ def test_the_force_is_drawn_over_time_by_its_components():
     assert len(found.labels) == 6 and all("platform: " in label for label in found.labels)
     assert found.values[4] == pytest.approx([2.0, 2.0]) and found.unit == "N m, N"
     assert np.abs(np.delete(found.values, 4, axis=0)).max() == 0
+
+
+def test_a_run_that_is_laid_over_goes_on_beside_a_live_one(stone):
+    """It stood where the last run was left."""
+    drifting = stone.simulate(stone.home.with_rates([0.7, 0, 0, 0, 0, 0]), duration=1.0)
+    session = Session(stone)
+    session.load(drifting)
+    session.lay_over(drifting)
+    session.seek(0.25)
+    live = live_of(stone, "stone")
+    session.begin(live)
+    for _ in range(15):
+        live.advance(PICTURE, None)
+    seen = session.view()
+    assert seen.time == pytest.approx(0.5)
+    assert seen.over.positions[0] == pytest.approx([0.1 + 0.7 * 0.5, 0, 0], abs=1e-9)

@@ -1,6 +1,8 @@
 """Pictures of mechanisms: everything is in them, equal axes with units, poses the paler the longer
 ago."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -207,3 +209,15 @@ def test_what_does_not_fit_is_refused(robot, spatial):
         lw.LinkworkError, match="there is no joint 'slide_9'; the joints are slide_1, "
     ):
         plot_mechanism(robot, robot.home, names=["slide_9"])
+
+
+def test_a_view_is_chosen_in_little_memory_of_however_many_points():
+    """A second of a robot with meshes has tens of thousands."""
+    a, b = np.meshgrid(np.linspace(0, 1, 60), np.linspace(0, 1, 50))
+    sheet = np.stack([a, b, np.sin(9 * a) * b], axis=-1).reshape(-1, 3)
+    tracemalloc.start()
+    seen = viewpoint(sheet)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20e6
+    assert seen == viewpoint(sheet[::-9])

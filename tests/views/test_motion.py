@@ -12,6 +12,7 @@ from linkwork.lab.precision import plot_work_precision
 from linkwork.scene.colours import BLUE
 from linkwork.views import plot_motion, plot_phase, plot_run, save_figure
 from linkwork.views.motion import spaced
+from linkwork.views.space import on_screen
 from linkwork.views.style import styled, svg
 
 from tests.catalogue import built
@@ -54,6 +55,28 @@ def test_spatial_motions_are_drawn_in_space():
     robot = built("stewart")
     run = robot.simulate(robot.home, duration=0.1, save_at=np.linspace(0, 0.1, 5))
     assert hasattr(plot_motion(robot, run, poses=2), "get_zlim")
+
+
+def test_a_path_that_leads_beyond_the_poses_is_within_the_picture():
+    """One pose is drawn of an arm that goes all the way round."""
+    robot = built("puma560")
+    around = {"joint_1": np.linspace(0, 2 * np.pi, 41)}
+    states = robot.assemble(around | {n: robot.home[n] for n in robot.coordinates[1:]})
+    axes = plot_motion(robot, states, poses=1)
+    low, high = np.transpose([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()])
+    places = robot.tool_pose(states)[:, :3]
+    assert (low < places + 1e-9).all() and (places < high + 1e-9).all()
+    seen, box = on_screen(axes, places), axes.figure.bbox
+    assert (seen > box.min).all() and (seen < box.max).all()
+
+
+def test_a_run_of_few_steps_is_drawn_with_a_smooth_path():
+    robot = built("five_bar")
+    run = robot.simulate(robot.home, [0.3, 0.2], duration=0.5)
+    x, y = plot_motion(robot, run).lines[-1].get_data()
+    assert len(run.time) < 20 < len(x)
+    bends = np.abs(np.diff(np.unwrap(np.arctan2(np.diff(y), np.diff(x)))))[5:]
+    assert bends.max() < 0.02
 
 
 def test_a_run_of_one_sample_is_drawn_and_an_empty_one_refused(robot):

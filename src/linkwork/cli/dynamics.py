@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from linkwork.cli.catalogue import built
 from linkwork.cli.entries import by_name
+from linkwork.cli.poses import tidied
 from linkwork.cli.source import Source
 from linkwork.cli.start import StartOptions
 from linkwork.cli.terminal import console, facts, named, patience, show_json, table
@@ -62,7 +63,7 @@ def dynamics(
     # Facts, then a row and the mass matrix by rates.
     out = console()
     rows = [
-        ("joints", named(robot.coordinates, state.positions)),
+        ("joints", named(robot.coordinates, tidied(robot, state.positions))),
         ("forces", named(robot.actuators, u) or "no actuators"),
     ]
     out.print(facts(rows))

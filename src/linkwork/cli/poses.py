@@ -25,17 +25,17 @@ def pose_of(robot: Robot, state: State) -> str:
         POSES[robot.planar] if robot.mechanism.tools else robot.coordinates[:FEW]
     )
     values = (
-        tidy_pose(robot, robot.tool_pose(state))
+        tidied(robot, robot.tool_pose(state))
         if robot.mechanism.tools
         else state.positions[: len(labels)]
     )
     return named(labels, values, 5)
 
 
-def tidy_pose(robot: Robot, poses: np.ndarray) -> np.ndarray:
-    """Return tool poses (..., k) without what is rounding of the robot's own length, or of a
-    turn."""
-    return tidy(poses, max(robot.equations.tree.length, 1.0))
+def tidied(robot: Robot, values: np.ndarray) -> np.ndarray:
+    """Return coordinates of joints or of the tool (..., k) without what is rounding of the robot's
+    own length, or of a turn."""
+    return tidy(values, max(robot.equations.tree.length, 1.0))
 
 
 def joints_told(robot: Robot, state: State) -> dict[str, float]:

@@ -12,6 +12,7 @@ import numpy as np
 from linkwork.cli.catalogue import built, refuse_unwritable
 from linkwork.cli.entries import by_name, read_columns
 from linkwork.cli.goal_words import Lead, off_goal
+from linkwork.cli.poses import tidied
 from linkwork.cli.source import Source
 from linkwork.cli.start import StartOptions
 from linkwork.cli.terminal import console, facts, named, patience, show_json, tidy
@@ -211,9 +212,11 @@ def print_ending(robot: Robot, data: Mapping[str, Any]) -> None:
     place = f"at {data['time']:.6g} s"
     few = len(robot.coordinates) <= FEW
     shown = [name for name in data["joints"] if few or name in robot.actuators]
-    rows.append((f"joints {place}", named(shown, [data["joints"][name] for name in shown])))
+    joints = np.array([data["joints"][name] for name in shown])
+    rows.append((f"joints {place}", named(shown, tidied(robot, joints))))
     if "tool" in data:
-        rows.append((f"tool {place}", named([*data["tool"]], [*data["tool"].values()])))
+        pose = np.array([*data["tool"].values()])
+        rows.append((f"tool {place}", named([*data["tool"]], tidied(robot, pose))))
     if "off_goal" in data:
         parts = (
             f"{name} {off['most']:.3g} at most, {off['last']:.3g} at the end"

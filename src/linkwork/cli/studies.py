@@ -22,7 +22,7 @@ from linkwork.cli.poses import (
     pose_of,
     pose_told,
     states_told,
-    tidy_pose,
+    tidied,
 )
 from linkwork.cli.source import Source
 from linkwork.cli.start import StartOptions, joints_given, tool_given
@@ -132,7 +132,7 @@ def modes(
         :, [robot.coordinates.index(label) for label in shown if label in robot.coordinates]
     ]
     if tool is None and robot.mechanism.tools:
-        numbers_of = tidy_pose(robot, robot.tool_pose(found.states))
+        numbers_of = tidied(robot, robot.tool_pose(found.states))
     lines = [
         (str(k), *(f"{value:.5g}" for value in row), str(hits), "yes" if inside else "no")
         for k, (row, hits, inside) in enumerate(

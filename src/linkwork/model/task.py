@@ -15,11 +15,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from linkwork.equations.independence import largest_rows
+from linkwork.equations.reference import unit
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import TurnAbout
 from linkwork.mechanism.task import NAMES, TaskCoordinate, label, labels
 from linkwork.model import checks
 from linkwork.model.asked import TWIST_ROWS, ToolAsked, long_name, values_kernel
+from linkwork.model.closing import settled
 from linkwork.model.directly import DirectCalls
 from linkwork.model.labels import POSES
 
@@ -79,7 +82,8 @@ def require_independent(robot: Model, task: Task) -> None:
     for q, motions in zip(around(robot), robot.once(tool_motions), strict=True):
         out = {name: part[None] for name, part in robot.assembler.still(q).items()}
         rows = asked.mapped(out)[1][0] * own / asked.units[:, None] @ motions
-        ranks_there += ranks(np.where(np.isfinite(rows).all(axis=1, keepdims=True), rows, 0)[None])
+        rows = np.where(np.isfinite(rows).all(axis=1, keepdims=True), rows, 0)
+        ranks_there += ranks(rows[None], motions)
     needed = min(len(task), freedoms(robot))
     if max(ranks_there) < needed:
         names, moves = ", ".join(labels(task)), moving(robot)
@@ -93,21 +97,19 @@ def require_independent(robot: Model, task: Task) -> None:
 
 def not_plain(robot: Model) -> str:
     """Say that no task is plain, and what would state one."""
-    names, able = POSES[robot.planar], max(ranks(robot.once(tool_motions)))
+    names, maps = POSES[robot.planar], robot.once(tool_motions)
+    able = max(ranks(maps, maps))
     if able < freedoms(robot):
         return (
             f"the robot has {freedoms(robot)} freedoms and its tool moves in {able} of them, so "
             "that no task leads the robot; give the tool to another body, or name what is asked of "
             "it"
         )
-    moved = dict(zip(names, moving(robot), strict=True))
-    task: tuple[str, ...] = ()
-    # Of those that move at home, and then of the others, the first ones that are independent.
-    for name in sorted(names, key=lambda name: not moved[name]):
-        rows = [TWIST_ROWS[known] for known in (*task, name)]
-        task += (name,) * (max(ranks(robot.once(tool_motions)[:, rows])) > len(task))
+    # Where most can be led, those that the robot leads best.
+    there = maps[int(np.argmax(ranks(maps, maps)))][[TWIST_ROWS[name] for name in names]]
+    task = tuple(names[k] for k in sorted(largest_rows(there, able)))
     return (
-        f"the tool's pose has {len(names)} coordinates, of which {sum(moved.values())} move at "
+        f"the tool's pose has {len(names)} coordinates, of which {sum(moving(robot))} move at "
         f"home, and the robot {freedoms(robot)} freedom{'s' * (freedoms(robot) > 1)}; name the "
         f"coordinates that the tool is led in, of {', '.join(names)} and others (such as "
         f"task={task!r} of the tool)"
@@ -149,7 +151,7 @@ def led_coordinates(robot: Model, near: bool) -> Task | None:
         for chosen in (names, names[: 2 if robot.planar else 3], names[3:]):
             if not chosen or len(chosen) != freedoms(robot):
                 continue
-            here, *aside = ranks(maps[:, [TWIST_ROWS[name] for name in chosen]])
+            here, *aside = ranks(maps[:, [TWIST_ROWS[name] for name in chosen]], maps)
             enough = near or chosen == names or here >= freedoms(robot) - 1
             if max(here, *aside) == freedoms(robot) and enough:
                 return chosen
@@ -169,8 +171,8 @@ def mixed(robot: Model) -> Task | None:
     """Return the coordinates that move at home, where they are as many as freedoms."""
     names = POSES[robot.planar]
     found = [name for name, moves in zip(names, moving(robot), strict=True) if moves]
-    here = robot.once(tool_motions)[0][[TWIST_ROWS[name] for name in found]]
-    if len(found) != freedoms(robot) or ranks(here[None])[0] < len(found):
+    maps, rows = robot.once(tool_motions), [TWIST_ROWS[name] for name in found]
+    if len(found) != freedoms(robot) or ranks(maps[:1, rows], maps)[0] < len(found):
         return None
     turns = [name for name in found if name in POSES[False][3:]]
     if robot.planar or not turns:
@@ -188,15 +190,17 @@ def mixed(robot: Model) -> Task | None:
     return tuple(found)
 
 
-def ranks(maps: np.ndarray) -> list[int]:
-    """Return the ranks of matrices (K, rows, columns)."""
+def ranks(maps: np.ndarray, motions: np.ndarray) -> list[int]:
+    """Return the ranks of matrices (K, rows, columns); motions: the tool's, beside which what is
+    small is rounding."""
     sigma = np.linalg.svd(maps, compute_uv=False)
-    return np.sum(sigma > DEPENDENT * max(float(sigma.max(initial=0.0)), 1e-300), axis=1).tolist()
+    largest = max(float(sigma.max(initial=0.0)), float(np.abs(motions).max(initial=0.0)), 1e-300)
+    return np.sum(sigma > DEPENDENT * largest, axis=1).tolist()
 
 
 def tool_motions(robot: Model) -> np.ndarray:
     """Return the tool's twists (K, 6, n) in own units on orthonormal motions that the loops allow:
-    at the reference, then near it, where loops are open by a little."""
+    at the reference, then near it."""
     tree, rows, found = robot.equations.tree, robot.equations.rows, []
     kept, scale = list(robot.equations.chart.rows), np.repeat([1.0, tree.length], 3)
     for q in around(robot):
@@ -208,11 +212,13 @@ def tool_motions(robot: Model) -> np.ndarray:
 
 
 def around(robot: Model) -> list[np.ndarray]:
-    """Return the reference and configurations near it (fixed seed), whose loops are open by a
-    little."""
-    random, q = np.random.default_rng(1990), robot.equations.reference
-    units = robot.equations.tree.units
-    return [q, *(q + SPREAD * units * random.standard_normal(q.size) for _ in range(SAMPLES))]
+    """Return the reference and configurations near it (fixed seed), loops closed where they can
+    be."""
+    random, q, tree = np.random.default_rng(1990), robot.equations.reference, robot.equations.tree
+    near = [q + SPREAD * tree.units * random.standard_normal(q.size) for _ in range(SAMPLES)]
+    closed, gaps = settled(robot.kernel("closure_step"), unit(tree, np.array(near)), robot.p)
+    shut = gaps <= checks.OPEN_LOOPS
+    return [q, *np.where(shut[:, None], closed, near)]
 
 
 def asked_of(robot: Model, size: int, what: Sequence[str] | None = None) -> ToolAsked:

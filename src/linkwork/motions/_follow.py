@@ -72,6 +72,8 @@ def follow(
     if what is not None:
         timed, what = of_tool(timed, checks.names(what, "what"))
     require_vectors(robot, timed, what)
+    if what is None:
+        require_places(robot, timed)
     links = bool(timed.names) and leads_links(robot, timed.names)
     if not links:
         require_points(robot, timed, guess, what)
@@ -111,6 +113,17 @@ def require_vectors(robot: Robot, timed: TimedPath, what: Sequence[str] | None) 
             f"point {timed.turned[0]} was taken for a rotation vector and led on by a whole turn, "
             f"to the point before, but the tool is led in {', '.join(asked.labels)}; go there by "
             "points that are nearer to each other"
+        )
+
+
+def require_places(robot: Robot, timed: TimedPath) -> None:
+    """Refuse a list of moves for a tool whose first coordinates are not its place."""
+    size, place = timed.sample(np.zeros(1))[0].shape[1], ["x", "y", "z"][: timed.places]
+    led = asked_of(robot, size).labels if timed.places and robot.mechanism.tools else place
+    if [*led[: len(place)]] != place:
+        raise LinkworkError(
+            f"the list of moves leads {', '.join(place)}, but the tool is led in "
+            f"{', '.join(led)}; name by what= the {size} coordinates that it is to lead"
         )
 
 

@@ -146,7 +146,8 @@ def gcode(
     total, curve = edges[-1], partial(joined, moves, edges, size, turn)
     passed = np.interp(edges, profile(profile.knots)[:, 0], profile.knots).tolist()
     path = Path(curve, profile.law, tuple((edges[1:-1] / total).tolist()))
-    return TimedPath(path, profile.duration, (), tuple(passed), corners=tuple(corners / total))
+    rests = tuple((corners / total).tolist())
+    return TimedPath(path, profile.duration, (), tuple(passed), corners=rests, places=size)
 
 
 def joined(

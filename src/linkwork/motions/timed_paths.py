@@ -44,6 +44,7 @@ class TimedPath:
     profile: the same as polynomials of time, where it is made of these
     corners: s at which the path has a corner, where it rests
     turned: numbers of the points that were taken for rotation vectors and led on by a whole turn
+    places: how many coordinates are the tool's place, as of a list of moves; 0 where none is known
     """
 
     path: Path
@@ -53,6 +54,7 @@ class TimedPath:
     profile: Profile | None = None
     corners: tuple[float, ...] = ()
     turned: tuple[int, ...] = ()
+    places: int = 0
 
     def __post_init__(self) -> None:
         checks.positive(self.duration, "the duration")

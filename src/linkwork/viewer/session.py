@@ -350,10 +350,11 @@ class Session:
         self.rails = grown(self.rails, poses)
         conditioned = measured(robot, state, CONDITIONING)
         told = conditioned if self.measure == CONDITIONING else measured(robot, state, self.measure)
-        # All of it.
+        # All of it; what is laid over at the same time.
+        time = self.live.time if self.live else self.player.time
         return View(
             placement=self.layout.place(state),
-            over=self.layout.place(self.over.state(self.player.time)) if self.over else None,
+            over=self.layout.place(self.over.state(time)) if self.over else None,
             rails=self.rails,
             tool=tool,
             angle=float(wrapped(out["angle"][0])) if tool and robot.planar else None,
@@ -368,7 +369,7 @@ class Session:
             closure=float(np.abs(out["phi"]).max(initial=0.0)),
             coordinates=dict(zip(robot.coordinates, state.positions.tolist(), strict=True)),
             forces=None if u is None else dict(zip(robot.actuators, u.tolist(), strict=True)),
-            time=self.live.time if self.live else self.player.time if self.following else None,
+            time=time if self.live or self.following else None,
             pulled=self.pulled(),
             notice=self.notice,
         )

@@ -12,6 +12,7 @@ from linkwork.errors import LinkworkError
 from linkwork.robot import Motion, Robot, State
 from linkwork.scene.colours import BLUE
 from linkwork.simulation import Run
+from linkwork.views import space
 from linkwork.views.drawing import plot_mechanism
 from linkwork.views.style import styled
 
@@ -46,13 +47,17 @@ def plot_motion(
     """
     count(poses, "poses", MOST)
     switch(path, "path")
-    states = states_of(robot, motion)
+    states = states_of(robot, motion.smooth if isinstance(motion, Run) else motion)
     axes: Any = plot_mechanism(robot, states.at(spaced(robot, states, poses)), ax)
     if path and robot.mechanism.tools and len(states.q) > 1:
-        place = tool_places(robot, states)[:, : 2 if robot.planar else 3].T
+        place = tool_places(robot, states)[:, : 2 if robot.planar else 3]
         with styled():
-            axes.plot(*place, color="white", lw=3, zorder=5)
-            axes.plot(*place, color=BLUE, lw=1.3, zorder=5.1)
+            axes.plot(*place.T, color="white", lw=3, zorder=5)
+            axes.plot(*place.T, color=BLUE, lw=1.3, zorder=5.1)
+            if not robot.planar:
+                space.take_in(axes, place)
+                if ax is None:
+                    space.fit(axes)
     return axes
 
 

@@ -20,6 +20,7 @@ from linkwork.views.plane import hatched
 ELEVATIONS, AZIMUTHS = (24, 34), (-56, -68, -40, -24, 22, 36)
 BETTER = 0.1  # by how much another must be better
 CLOSE = 0.02  # distance in the picture that counts as none, relative to the mechanism
+MOST = 400  # points, of meshes and long motions, that a view is chosen by
 PAD = 0.045  # half the side of a pad, relative to the mechanism
 ROOM = 0.56  # half the axes' length over the extent of what is drawn
 THIN = 0.16  # least of it, relative to the mechanism
@@ -81,6 +82,16 @@ def finish(canvas: Canvas) -> None:
     axes.set_box_aspect(reach, zoom=ZOOM)
 
 
+def take_in(axes: Any, points: np.ndarray) -> None:
+    """Let axes reach as far as points (k, 3) do, too."""
+    limits = []
+    for letter, column in zip("xyz", points.T, strict=True):
+        low, high = getattr(axes, f"get_{letter}lim")()
+        limits.append((min(low, column.min()), max(high, column.max())))
+        getattr(axes, f"set_{letter}lim")(*limits[-1])
+    axes.set_box_aspect(np.ptp(limits, axis=1), zoom=ZOOM)
+
+
 def fit(axes: Any) -> None:
     """Let axes that have a figure for themselves stand in its middle and fill it, all that is
     written included."""
@@ -123,6 +134,7 @@ def viewpoint(points: np.ndarray) -> tuple[float, float]:
     """Return elevation and azimuth [deg] from where points (k, 3) are seen well apart: largest mean
     log distance."""
     unlike = np.unique(np.round(points / (np.ptp(points, axis=0).max() or 1.0), 3), axis=0)
+    unlike = unlike[np.linspace(0, len(unlike) - 1, min(len(unlike), MOST)).astype(int)]
     first, second = np.triu_indices(len(unlike), 1)
     gaps = unlike[first] - unlike[second]
 
