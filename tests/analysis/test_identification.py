@@ -259,7 +259,9 @@ def test_a_motion_that_tells_the_parameters_hardly_apart_is_warned_of():
     """Within 1e-5 rad the arm's weight and its moments about the hinges all press alike."""
     ranges = {"hinge_1": (-1e-5, 1e-5), "hinge_2": (0.49999, 0.50001)}
     bounds = {"rates": 100.0, "accelerations": 1000.0, "harmonics": 1, "trials": 5}
-    with pytest.warns(lw.errors.ModelWarning, match="hardly tells the base parameters apart") as told:
+    with pytest.warns(
+        lw.errors.ModelWarning, match="hardly tells the base parameters apart"
+    ) as told:
         exciting_trajectory(arm(), period=1.0, ranges=ranges, **bounds)
     assert told[0].filename == __file__
 
