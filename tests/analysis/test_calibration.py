@@ -8,6 +8,7 @@ import warnings
 from itertools import combinations
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
@@ -401,6 +402,13 @@ REFUSALS = {
     "the wrong shape": (
         lambda r, s: (r, analysis.MeasuredPoses(s, np.zeros((3, 3)))),
         r"have the shape \(3, 3\); give \(25, 3\)",
+    ),
+    "columns in another order": (
+        lambda r, s: (
+            r,
+            analysis.MeasuredPoses(s, pd.DataFrame(r.tool_pose(s), columns=["y", "x", "angle"])),
+        ),
+        "the measured poses come labelled y, x, angle; give x, y, angle, in this order",
     ),
     "no number": (
         lambda r, s: (r, analysis.MeasuredPoses(s, np.full((25, 3), np.nan))),

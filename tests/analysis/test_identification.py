@@ -4,6 +4,7 @@ motions for it."""
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import linkwork as lw
@@ -254,12 +255,34 @@ def test_exciting_motions_keep_their_bounds_between_samples():
         assert (np.maximum(most, np.abs(motion.coefficients[0] - middle) / 0.3) > 0.5).all()
 
 
+def test_a_motion_that_tells_the_parameters_hardly_apart_is_warned_of():
+    """Within 1e-5 rad the arm's weight and its moments about the hinges all press alike."""
+    ranges = {"hinge_1": (-1e-5, 1e-5), "hinge_2": (0.49999, 0.50001)}
+    bounds = {"rates": 100.0, "accelerations": 1000.0, "harmonics": 1, "trials": 5}
+    with pytest.warns(
+        lw.errors.ModelWarning, match="hardly tells the base parameters apart"
+    ) as told:
+        exciting_trajectory(arm(), period=1.0, ranges=ranges, **bounds)
+    assert told[0].filename == __file__
+
+
 def test_rates_of_sampled_motions_are_derivatives():
     motion = lw.analysis.Excitation(("a",), 2.0, np.array([[0.1], [0.2], [0.3], [0.4], [0.5]]), 1.0)
     t, h = np.array([0.3, 0.9]), 1e-5
     for order in (0, 1):
         slope = (motion.sample(t + h)[order] - motion.sample(t - h)[order]) / (2 * h)
         np.testing.assert_allclose(motion.sample(t)[order + 1], slope, rtol=1e-6, atol=1e-8)
+
+
+def named(count, order=1):
+    """Return a table of zeros with a column for each hinge of the arm, in some order."""
+    return pd.DataFrame(np.zeros((count, 2)), columns=["hinge_1", "hinge_2"][::order])
+
+
+def measured_as(accelerations, forces):
+    """Return nine samples of the arm at rest."""
+    states = arm().state(np.zeros((9, 2)))
+    return lw.analysis.Measured(states, accelerations, forces)
 
 
 @pytest.mark.parametrize(
@@ -278,6 +301,22 @@ def test_rates_of_sampled_motions_are_derivatives():
                 arm(), np.arange(3), np.zeros((3, 2)), np.zeros((3, 2)), period=1.0, harmonics=2
             ),
             "harmonics is 2",
+        ),
+        (
+            lambda: periodic(arm(), np.arange(9), named(9, -1), named(9), period=9.0, harmonics=2),
+            "the positions come labelled hinge_2, hinge_1; give hinge_1, hinge_2, in this order",
+        ),
+        (
+            lambda: periodic(arm(), np.arange(9), named(9), named(9, -1), period=9.0, harmonics=2),
+            "the forces come labelled hinge_2, hinge_1; give",
+        ),
+        (
+            lambda: identify(arm(), measured_as(named(9, -1), named(9))),
+            "the measured accelerations come labelled hinge_2, hinge_1; give",
+        ),
+        (
+            lambda: identify(arm(), measured_as(named(9), named(9, -1))),
+            "the measured forces come labelled hinge_2, hinge_1; give",
         ),
         (lambda: excite({"slide": (0, 1), "x": (0, 1)}), "there is no actuator 'x'"),
         (lambda: excite({}), "lack slide"),

@@ -32,10 +32,11 @@ from linkwork.analysis.measured_poses import (
 )
 from linkwork.analysis.noise_shares import NoiseShares
 from linkwork.analysis.settled_squares import settled
-from linkwork.checks import amount, by_name, finite, needed, shown
+from linkwork.checks import amount, by_name, finite, in_order, needed, shown
 from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.parameter_units import with_unit
+from linkwork.model.labels import POSES
 from linkwork.patience import announced
 from linkwork.robot import Robot
 
@@ -309,6 +310,7 @@ def values_of(
         if tool.ndim != 2 or len(tool) != count or tool.shape[1] not in widths:
             fits = " or ".join(f"({count}, {width})" for width in widths)
             raise LinkworkError(f"the measured poses have the shape {tool.shape}; give {fits}")
+        in_order(measured.tool, POSES[robot.planar][: tool.shape[1]], "the measured poses")
     columns = []
     example = "{'elbow_1': [0.1, 0.2]}"
     for name, values in by_name(measured.joints, "the readings of joints", example).items():

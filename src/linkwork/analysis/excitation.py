@@ -14,6 +14,7 @@ Mathematische Zeitschrift 86 (1964) 41-44 (between samples).
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,7 +29,7 @@ from linkwork.analysis.identification import fourier, tracked
 from linkwork.analysis.newton import Solver, solver
 from linkwork.analysis.square import of_joints
 from linkwork.checks import MOST, amount, count, finite, needed, random_numbers
-from linkwork.errors import LinkworkError
+from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.model import checks
 from linkwork.model.linear import own_rates
 from linkwork.patience import announced
@@ -38,6 +39,7 @@ SAMPLES = 40
 DENSE = 32  # samples in a period of the highest harmonic
 MOST_HARMONICS, MOST_TRIALS = 1000, 1_000_000  # which memory and patience hold
 IMPOSSIBLE = 1e12
+BLIND = 1e6  # condition from which on hardly any noise leaves the parameters apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +189,9 @@ def exciting_trajectory(
 
     Raises:
         LinkworkError: bounds that do not fit, ranges of which no trial stays in the workspace.
+
+    Warns:
+        ModelWarning: a best motion that hardly tells the parameters apart.
     """
     needed(robot, Robot)
     from scipy.optimize import minimize
@@ -238,9 +243,16 @@ def exciting_trajectory(
         options={"maxfev": trials},
     )
     best = min((best, np.asarray(found.x)), key=lambda shape: search.condition(shape, sizes))
-    return Excitation(
-        robot.actuators, float(period), search.coefficients(best), search.condition(best, sizes)
-    )
+    condition = search.condition(best, sizes)
+    if condition > BLIND:
+        warnings.warn(
+            f"the best motion that is found hardly tells the base parameters apart (condition "
+            f"{condition:.2g}); give wider ranges, larger rates and accelerations, more harmonics "
+            "or more trials",
+            ModelWarning,
+            stacklevel=3,
+        )
+    return Excitation(robot.actuators, float(period), search.coefficients(best), condition)
 
 
 def range_of(

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from linkwork.analysis._base_parameters import NEGLIGIBLE, Base, base_parameters, pace
 from linkwork.analysis.all_rows import on_mode
 from linkwork.analysis.square import of_joints
-from linkwork.checks import finite, needed, shown
+from linkwork.checks import finite, in_order, needed, shown
 from linkwork.errors import LinkworkError
 from linkwork.model import checks
 from linkwork.model.linear import one_state, own_rates
@@ -175,15 +175,16 @@ def motion_of(robot: Robot, measured: Measured | Run) -> Measured:
         )
     states = in_rates_of_home(robot, measured.states)
     count, given = *states.batch, []
-    for name, values, width in (
-        ("accelerations", measured.accelerations, robot.mobility),
-        ("forces", measured.forces, len(robot.actuators)),
+    for what, values, names in (
+        ("accelerations", measured.accelerations, robot.independent),
+        ("forces", measured.forces, robot.actuators),
     ):
-        given.append(finite(values, f"the measured {name}"))
-        if given[-1].shape != (count, width):
+        given.append(finite(values, f"the measured {what}"))
+        if given[-1].shape != (count, len(names)):
             raise LinkworkError(
-                f"the measured {name} have the shape {given[-1].shape}; give {(count, width)}"
+                f"the measured {what} have the shape {given[-1].shape}; give {(count, len(names))}"
             )
+        in_order(values, names, f"the measured {what}")
     return Measured(states, *given)
 
 
@@ -237,8 +238,8 @@ def periodic(
         guess: a state on the assembly mode of the motion, near its start; `home` if left out.
 
     Raises:
-        LinkworkError: wrong shapes, fewer samples than coefficients; UnreachableError where the
-            loops do not close.
+        LinkworkError: wrong shapes, columns that are labelled in another order, fewer samples than
+            coefficients; UnreachableError where the loops do not close.
     """
     needed(robot, Robot)
     # What was measured fits the robot and itself, and determines the series.
@@ -256,6 +257,8 @@ def periodic(
             f"time, positions and forces have the shapes {t.shape}, {q_a.shape}, {u.shape}; give "
             f"(N,), (N, {n})"
         )
+    for part, name in ((positions, "the positions"), (forces, "the forces")):
+        in_order(part, robot.actuators, name)
     checks.positive(period, "the period")
     if not isinstance(harmonics, int) or harmonics < 1 or t.size <= 2 * harmonics + 1:
         raise LinkworkError(

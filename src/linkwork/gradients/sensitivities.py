@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
+from linkwork.gradients.amplification import require_meant
 from linkwork.gradients.chain import chained
 from linkwork.gradients.links import Changes, LossSlopes, Partials
 from linkwork.gradients.numbers import Numbers
@@ -40,8 +41,10 @@ def sensitivity(
     wanted, numbers = quantities_of(run, quantities), Numbers(of)
     names = numbers.chosen(to)
     changes = numbers.changes(names)
+    begun = np.abs(changes.y).max(initial=1.0)
     for link in chained(of):
         link.along(changes)
+    require_meant(of, np.abs(changes.sample_y).max(initial=0.0) / begun, 4, np.inf)
     # What is read, from the changes of states, inputs and parameters at the samples.
     found = {}
     for name in wanted:
@@ -178,8 +181,10 @@ def work_against(of: Retraced, slopes: LossSlopes, bars: np.ndarray) -> np.ndarr
 
 def led_back(of: Retraced, numbers: Numbers, slopes: LossSlopes) -> np.ndarray:
     """Lead derivatives of a loss back to the start; return those with respect to all numbers."""
+    read = np.abs(slopes.sample_y).max(initial=0.0) or 1.0
     for link in reversed(chained(of)):
         link.against(slopes)
+    require_meant(of, np.abs(slopes.y).max(initial=0.0) / read, 5)
     found = numbers.gathered(slopes)
     require_finite("the loss", found)
     return found

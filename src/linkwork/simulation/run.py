@@ -314,7 +314,10 @@ class Run(Portrayed):
 
         Raises:
             LinkworkError: names that there are not; a run that was read from a file, or with what
-                has no derivative.
+                has no derivative; steps that let motions beside the run grow.
+
+        Warns:
+            ModelWarning: explicit steps that are long for motions beside the run.
         """
         from linkwork.gradients.sensitivities import sensitivity
 
