@@ -64,6 +64,7 @@ PAGES: Mapping[str, Sections] = {
     "simulation": {
         "single": lambda _: single.run(),
         "plain": lambda _: single.plain(),
+        "changing": lambda _: single.changing(),
         "ensemble": lambda _: ensemble.run(),
         "stepper": lambda _: stepper.run(),
         "learning": lambda _: learning.run(),

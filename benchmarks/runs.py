@@ -67,7 +67,8 @@ def loop_of(run: Callable[[], object], module: ModuleType = native) -> Callable[
     """Return the compiled loop that a run calls, alone, as a call that returns the state y at its
     end, and behind it what a sampled controller holds.
 
-    Its arguments are those with which the run called it, once; y, which it overwrites, is set anew.
+    Its arguments are those with which the run called it, once in each chart; y, which it
+    overwrites, is set anew.
 
     module: where the loop is: `native`, or `native_rosenbrock` for the stiff method
     """
@@ -81,12 +82,12 @@ def loop_of(run: Callable[[], object], module: ModuleType = native) -> Callable[
 
     with patch.object(module, "integrate", spy):
         run()
-    ((arguments, start),) = found
-    state = arguments[place]
+    calls = [(arguments, arguments[place], start) for arguments, start in found]
 
     def call() -> np.ndarray:
-        state[:] = start
-        loop(*arguments)
-        return state
+        for arguments, state, start in calls:
+            state[:] = start
+            loop(*arguments)
+        return calls[-1][1]
 
     return call

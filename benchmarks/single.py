@@ -23,6 +23,7 @@ RTOL = 1e-8
 PROMISED = 15.0  # [us]
 FEW, MANY = 11, 101  # instants saved by dense output
 ABOVE = 50.0  # [us] that a plain call takes above its compiled loop, promised
+CHANGE, HARD = 50.0, 5.0  # [us] promised of a change of chart; force that leads to some [N]
 END, PLAIN = "end saved", f"{FEW} instants saved"
 COLUMNS = (
     "motion",
@@ -49,6 +50,13 @@ PLAINLY = """
     "pushed" of the section before by `robot.simulate(state, forces, duration=1.0)`, with nothing
     else asked for, beside its compiled loop alone, with the arguments that it hands this. Medians
     of blocks of 2 ms that take turns.
+    """
+
+CHANGING = f"""
+    One second under {HARD} N on the first slider, from home, on the way of which the run changes
+    its chart, beside its compiled loops alone; and "pushed" of the sections before, which changes
+    none. A change takes what the one run takes above its loops more than the other, over the number
+    of changes; the charts are known from the run before. Medians of blocks of 2 ms that take turns.
     """
 
 
@@ -139,6 +147,26 @@ def plain(rounds: int = 200) -> Section:
     raw = {name: summary(values) for name, values in seconds.items()}
     listing = Listing(("call", "a run [µs]"), rows)
     return Section("A plain run", PLAINLY, figures, {"seconds": raw}, listing=listing)
+
+
+def changing(rounds: int = 200) -> Section:
+    """Time runs that change charts and one that does not, and their compiled loops, in turn."""
+    robot = lw.Robot(prr3())
+    task, forces = second_of_pushing(robot), [HARD, 0.0, 0.0]
+    calls: dict[str, Callable[[], Run]] = {
+        "no change": partial(robot.simulate, task.start, task.signal, duration=task.duration),
+        "changes": partial(robot.simulate, robot.home, forces, duration=task.duration),
+    }
+    changes = calls["changes"]().attrs["charts"].count(";")
+    loops = {f"{name}, loops": runs.loop_of(call, native) for name, call in calls.items()}
+    seconds = interleaved({name: Contender(each) for name, each in (calls | loops).items()}, rounds)
+    above = {name: us(seconds[name]) - us(seconds[f"{name}, loops"]) for name in calls}
+    change = (above["changes"] - above["no change"]) / changes
+    figures = [Figure(f"a change of chart, one of {changes} on the way", change, "µs", CHANGE)]
+    rows = [(name, quantity(us(values), "")) for name, values in seconds.items()]
+    raw = {name: summary(values) for name, values in seconds.items()}
+    listing = Listing(("call", "a run [µs]"), rows)
+    return Section("Changes of chart", CHANGING, figures, {"seconds": raw}, listing=listing)
 
 
 EXACT = Way({"method": "dop853", "rtol": 1e-13, "atol": 1e-15})

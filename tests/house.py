@@ -61,7 +61,7 @@ WINGS = {
     "compiled by Numba": ("compiled", "pointers", "structures"),
     "kept and sent": ("cache", "derivations", "pickled"),
     # What a robot is asked at a state.
-    "assembling": ("asked", "assembling", "assembly", "closing"),
+    "assembling": ("asked", "asked_rows", "assembling", "assembly", "closing"),
     "tool paths": (
         *(
             "following",

@@ -73,6 +73,15 @@ def test_a_plain_run_is_timed_beside_its_loop():
     json.dumps(section.raw)
 
 
+def test_changes_of_chart_are_timed_beside_a_run_without_any():
+    section = single.changing(rounds=1)
+    assert [name for name, _ in listed(section)] == [
+        *("no change", "changes", "no change, loops", "changes, loops"),
+    ]
+    assert [figure.what for figure in section.figures] == ["a change of chart, one of 3 on the way"]
+    json.dumps(section.raw)
+
+
 def test_steppers_of_both_engines_are_timed():
     section = stepper.run(rounds=1, robots=16, stack=1024)
     assert len(listed(section)) == 12

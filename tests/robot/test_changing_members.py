@@ -59,6 +59,21 @@ def test_members_that_change_charts_stay_in_lanes(prr3, never_alone):
     require_the_same(prr3.ensemble(prr3.home, u, **options), runs)
 
 
+def test_steps_in_which_pivots_fall_are_as_accurate_as_others(prr3):
+    """They go most of the way to where the rates determine nothing, and their errors' estimates may
+    be small by accident. Truth: what constant forces do from rest is the kinetic energy."""
+    u = np.array([[10.8343, 0.0948, -0.0572], [10.844, 0.1787, 0.0931], [10.6118, 0.1978, 0.1399]])
+    start = prr3.assemble(tool=[0.5, np.sqrt(3) / 6, 1.2])
+    members = prr3.ensemble(start, u, duration=0.5)
+    runs = [prr3.simulate(start, own, duration=0.5) for own in u]
+    slides = [prr3.coordinates.index(f"slide_{leg}") for leg in (1, 2, 3)]
+    for i, (own, run) in enumerate(zip(u, runs, strict=True)):
+        work = (run["joint_position"].values - start.positions)[:, slides] @ own
+        assert np.abs(run["kinetic_energy"].values - work).max() < 1e-6 * work.max()
+        assert np.array_equal(members.final.q[i], run.attrs["final_q"])
+        assert members.nfev[i] == run.statistics.nfev
+
+
 def test_first_steps_in_new_charts_are_those_that_failed_in_the_old_ones(prr3, monkeypatch):
     """They take fewer trials than guesses do, and runs come as near to where tight ones come to."""
     u, options = pushes(12), {"duration": 0.8, "save_at": [0.8]}

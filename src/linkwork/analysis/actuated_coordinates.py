@@ -15,7 +15,8 @@ from linkwork.equations import Equations, functions
 from linkwork.equations.algebra import SX, present, vector
 from linkwork.equations.reference import unit
 from linkwork.mechanism import Displacement, Thrust
-from linkwork.model.asked import JointsAsked, Outputs, Rows, joint_rows
+from linkwork.model.asked import JointsAsked, Outputs
+from linkwork.model.asked_rows import Rows, joint_rows
 from linkwork.robot import Robot
 
 NEAR, SAMPLES = 0.3, 3  # configurations around the reference at which rates are compared

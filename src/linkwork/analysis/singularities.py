@@ -43,7 +43,8 @@ from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
 from linkwork.mechanism.task import is_length, labels
 from linkwork.model import checks, dexterity
-from linkwork.model.asked import ToolAsked, task_rows
+from linkwork.model.asked import ToolAsked
+from linkwork.model.asked_rows import task_rows
 from linkwork.model.labels import POSE_ANGLES, POSES
 from linkwork.model.spread import extent
 from linkwork.model.task import Task, task_if_any

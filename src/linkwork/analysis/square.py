@@ -28,7 +28,8 @@ from linkwork.equations.elimination import solve, weakest
 from linkwork.equations.independence import choose_independent
 from linkwork.errors import LinkworkError
 from linkwork.model import checks, task
-from linkwork.model.asked import Rows, ToolAsked, joint_rows
+from linkwork.model.asked import ToolAsked
+from linkwork.model.asked_rows import Rows, joint_rows
 from linkwork.model.task import DEPENDENT, around
 from linkwork.robot import Robot
 

@@ -32,6 +32,7 @@ from linkwork.equations.symmetric import solve_symmetric
 from linkwork.formats import poses
 from linkwork.mechanism import GROUND
 from linkwork.mechanism.bearing import require_no_bearings
+from linkwork.model.asked_rows import quaternion_product
 
 CLOSED = 1e-13  # gap of closed loops, in own units
 STEPS = 12  # of Newton's method, before the way is halved
@@ -107,7 +108,7 @@ class TreeMap:
         p = ca.mtimes(near[:3, :3].T, own[:3] + ca.mtimes(turned, far[:3, 3]) - near[:3, 3])
         q_1, q_2 = (poses.to_quaternion(X[:3, :3]) for X in (near, far))
         first = q_1 * np.array([1.0, -1.0, -1.0, -1.0])
-        return ca.vertcat(p, product(product(SX(first), own[3:]), SX(q_2)))
+        return ca.vertcat(p, quaternion_product(quaternion_product(SX(first), own[3:]), SX(q_2)))
 
     def _frames(self, joint: str) -> tuple[np.ndarray, np.ndarray]:
         """Return the poses of a free joint's frames in ground and in the body."""
@@ -198,9 +199,3 @@ class TreeMap:
                 own, force = ca.densify(M[rods, rods]), ca.densify(driven[:, column])
                 found[rods, column] = -solve_symmetric(own, force)
         return found
-
-
-def product(p: ca.SX, q: ca.SX) -> ca.SX:
-    """Return the quaternion p q."""
-    w = p[0] * q[0] - ca.dot(p[1:], q[1:])
-    return ca.vertcat(w, p[0] * q[1:] + q[0] * p[1:] + cross(p[1:], q[1:]))

@@ -36,6 +36,7 @@ from linkwork.simulation import Run
 
 if TYPE_CHECKING:
     import xarray
+    from rich.console import Group
 
 MODES_TOLD = ("sure", "missing", "starts", "converged", "what", "asked", "hits", "within_limits")
 LINEAR_TOLD = ("states", "inputs", "outputs", "A", "B", "C", "D", "poles", "controllable")
@@ -86,13 +87,12 @@ def modes(
     as_json: bool,
 ) -> None:
     """Print all assembly modes or working modes, and how sure their number is."""
-    # Which of the two is asked for, and its answer.
     if joints is not None and tool is not None:
         raise LinkworkError(
             "--joints and --tool are both given; the one asks for assembly modes, the other for "
             "working modes"
         )
-    robot = made(source)
+    robot, working = made(source), tool is not None
     with patience("looking for all solutions"):
         if tool is not None:
             given = tool_given(robot, tool)
@@ -107,10 +107,12 @@ def modes(
         show_json({"count": len(found)} | told | {"modes": states_told(robot, found.states)})
         return
     # How many there are, and how sure that is.
-    kind = "working" if tool is not None else "assembly"
     values = zip(found.what, found.asked, strict=True)
     rows = [
-        (f"{kind} modes", f"{len(found)}{' (sure)' if found.sure else ''}"),
+        (
+            f"{'working' if working else 'assembly'} modes",
+            f"{len(found)}{' (sure)' if found.sure else ''}",
+        ),
         ("with", ", ".join(f"{label} = {value:.6g}" for label, value in values)),
         ("starts", f"{found.starts}, of which {found.converged} ended in a solution"),
         ("last one found", f"by start {found.first.max() + 1}" if len(found) else "none"),
@@ -118,29 +120,28 @@ def modes(
     ]
     out = console()
     out.print(facts(rows))
-    if not len(found):
-        return
-    # Each mode by what was not asked: the actuators, the tool's pose, or the first coordinates.
-    shown = (
-        robot.actuators[:FEW]
-        if tool is not None
-        else POSES[robot.planar]
-        if robot.mechanism.tools
-        else robot.coordinates[:FEW]
-    )
-    numbers_of = found.states.positions[
-        :, [robot.coordinates.index(label) for label in shown if label in robot.coordinates]
-    ]
-    if tool is None and robot.mechanism.tools:
-        numbers_of = tidied(robot, robot.tool_pose(found.states))
+    if len(found):
+        out.print()
+        out.print(modes_table(robot, found, working))
+
+
+def modes_table(robot: Robot, found: analysis.Modes, working: bool) -> Group:
+    """Return what was not asked of each mode, a line each: the actuators, the tool's pose, or the
+    first coordinates; how many starts ended there, and whether it is within the joints' limits."""
+    if robot.mechanism.tools and not working:
+        shown = POSES[robot.planar]
+        numbers = tidied(robot, robot.tool_pose(found.states))
+    else:
+        shown = (robot.actuators if working else robot.coordinates)[:FEW]
+        own = [robot.coordinates.index(label) for label in shown if label in robot.coordinates]
+        numbers = found.states.positions[:, own]
     lines = [
         (str(k), *(f"{value:.5g}" for value in row), str(hits), "yes" if inside else "no")
         for k, (row, hits, inside) in enumerate(
-            zip(numbers_of, found.hits, found.within_limits, strict=True), start=1
+            zip(numbers, found.hits, found.within_limits, strict=True), start=1
         )
     ]
-    out.print()
-    out.print(table(("", *shown, "hits", "in limits"), lines, numbers=range(len(shown) + 2)))
+    return table(("", *shown, "hits", "in limits"), lines, numbers=range(len(shown) + 2))
 
 
 def singularities(

@@ -235,25 +235,25 @@ class SurfacePassing(NamedTuple):
 
 def passing(cable: Cable, at: int, place: Places) -> SurfacePassing:
     """Return how a cable passes the surface in a place of its path."""
-    _, ends, surface, _ = next(part for part in stretches(cable, place) if part.place == at + 1)
-    assert surface is not None
-    _, _, p, axes, s = seen_from(surface, place, ends)
-    first, last = (ca.mtimes(axes.T, point) for point in p)
-    return SurfacePassing(
-        surface, ends, first, last, None if s is None else ca.mtimes(axes.T, s), s
-    )
+    stretch = next(part for part in stretches(cable, place) if part.place == at + 1)
+    assert stretch.surface is not None
+    seen = seen_from(stretch.surface, place, stretch.ends)
+    first, last = (ca.mtimes(seen.axes.T, point) for point in seen.p)
+    side = None if seen.side is None else ca.mtimes(seen.axes.T, seen.side)
+    return SurfacePassing(stretch.surface, stretch.ends, first, last, side, seen.side)
 
 
 def lined_up(cable: Cable, at: int, place: Places) -> ca.SX:
     """Return a number that changes its sign where a cable's ends are in line with an axis."""
-    _, _, first, last, _, _ = passing(cable, at, place)
-    return turn(first, last)
+    passed = passing(cable, at, place)
+    return turn(passed.first, passed.last)
 
 
 def before_touching(cable: Cable, at: int, place: Places) -> ca.SX:
     """Return how far the straight way is from a surface that it may miss."""
-    surface, _, first, last, side, _ = passing(cable, at, place)
-    missed = ca.sumsqr(next_to_origin(first, last)) / surface.radius**2 - 1
+    passed = passing(cable, at, place)
+    first, last, side = passed.first, passed.last, passed.side
+    missed = ca.sumsqr(next_to_origin(first, last)) / passed.surface.radius**2 - 1
     return missed if side is None else ca.if_else(is_behind(first, last, side), -1, missed)
 
 

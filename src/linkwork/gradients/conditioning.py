@@ -25,7 +25,7 @@ import numpy as np
 from linkwork.control.joined import Joined
 from linkwork.equations.symmetric import solve_symmetric
 from linkwork.equations.task import held_task
-from linkwork.model.asked import mapped_rows
+from linkwork.model.asked_rows import mapped_rows
 from linkwork.model.dexterity import actuated, characteristic_length, scales
 from linkwork.model.task import Task, freedoms, task_if_any
 

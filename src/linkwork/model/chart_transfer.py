@@ -78,7 +78,7 @@ def chart_in(
     """Return the known chart in the rates of these names where it is regular at q, else one that is
     chosen there.
 
-    None where these rates do not determine the motion (`choosing.chart_in`).
+    None where these rates do not determine the motion (`chart_choice.chart_in`).
     """
     tree, known = robot.equations.tree.rates, robot.charts.get(names)
     checks.known(names, tree, "rate of the tree")

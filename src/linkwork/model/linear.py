@@ -90,7 +90,8 @@ def holding_forces(robot: Model, state: State) -> np.ndarray:
     if not robot.actuators:
         return np.zeros(0)
     still = at_rest(state)
-    _, _, G, f = evaluation.terms(robot, still)
+    terms = evaluation.terms(robot, still)
+    G, f = terms.G, terms.f
     if still.independent == robot.actuators:
         return G - f
     S = evaluation.actuation_map(robot, still)

@@ -15,7 +15,7 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism import Mechanism
 from linkwork.mechanism.task import is_length
 from linkwork.model import checks, not_finite, task
-from linkwork.model.asked import task_rows
+from linkwork.model.asked_rows import task_rows
 from linkwork.model.evaluation import own_units
 from linkwork.model.linear import actuator_forces, evaluated, largest, linearised
 from linkwork.model.reordering import ordered

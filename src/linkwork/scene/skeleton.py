@@ -181,18 +181,8 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
     tools = {
         name: frame_pose(poses[tool.body], tool.frame) for name, tool in mechanism.tools.items()
     }
-    # Points of each body at which something holds it.
-    hung = [
-        end
-        for name, spring in mechanism.springs.items()
-        for end in zip(spring.connects, springs[name], strict=True)
-    ]
-    hung += [place for _, path in cable_points(mechanism, poses) for place in path if place]
-    anchors = np.array([p for body, p in hung if body == GROUND]).reshape(-1, 3)
-    ends = [*hung, *(end for joint in joints for end in joint.ends)]
-    ends += [(tool.body, tools[name][0]) for name, tool in mechanism.tools.items()]
-    points = {name: [p for body, p in ends if body == name] for name in mechanism.bodies}
-    # Bodies that are seen by themselves: by their shapes, or as a point mass.
+    # Bodies are drawn by their shapes, or between the points at which something holds them.
+    anchors, points = held_points(mechanism, poses, joints, springs, tools)
     solids = {
         name: body_solids(shapes, poses[name])
         for name, body in mechanism.bodies.items()
@@ -209,16 +199,8 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
             own.append(centres[name])
         elif not own:
             own.append(poses[name][0])
-    # Between two axes that meet a body is an arc, else a line through its points.
-    size = np.ptp([p for own in points.values() for p in own], axis=0).max()
-    bent = [
-        name
-        for name in meeting
-        if len(own := points[name]) == 2
-        and name not in solids
-        and np.ptp(own, axis=0).max() > TOGETHER * size
-    ]
-    arcs = {name: arc(meeting[name], *points[name]) for name in bent}
+    apart = {name: meeting[name] for name in meeting if name not in solids}
+    arcs = arcs_between(apart, points)
     bodies = {name: np.stack(found) for name, found in points.items() if name not in arcs}
     gears = {
         name: tuple(
@@ -228,6 +210,40 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
     }
     cables = cable_runs(mechanism, poses)
     return Skeleton(bodies, solids, arcs, joints, gears, springs, cables, anchors, masses, tools)
+
+
+def held_points(
+    mechanism: Mechanism,
+    poses: Mapping[str, Placed],
+    joints: Iterable[JointPlace],
+    springs: Mapping[str, np.ndarray],
+    tools: Mapping[str, Placed],
+) -> tuple[np.ndarray, dict[str, list[np.ndarray]]]:
+    """Return the points of the ground at which springs and cables hang (k, 3), and those of each
+    body at which joints, springs, cables and tools sit."""
+    hung = [
+        end
+        for name, spring in mechanism.springs.items()
+        for end in zip(spring.connects, springs[name], strict=True)
+    ]
+    hung += [place for _, path in cable_points(mechanism, poses) for place in path if place]
+    anchors = np.array([p for body, p in hung if body == GROUND]).reshape(-1, 3)
+    ends = [*hung, *(end for joint in joints for end in joint.ends)]
+    ends += [(tool.body, tools[name][0]) for name, tool in mechanism.tools.items()]
+    return anchors, {name: [p for body, p in ends if body == name] for name in mechanism.bodies}
+
+
+def arcs_between(
+    meeting: Mapping[str, np.ndarray], points: Mapping[str, Sequence[np.ndarray]]
+) -> dict[str, np.ndarray]:
+    """Return the arcs of bodies between two points apart from each other; meeting: where the axes
+    of their joints meet."""
+    size = np.ptp([p for own in points.values() for p in own], axis=0).max()
+    return {
+        name: arc(centre, *own)
+        for name, centre in meeting.items()
+        if len(own := points[name]) == 2 and np.ptp(own, axis=0).max() > TOGETHER * size
+    }
 
 
 def placed(pose: Placed, point: Sequence[float]) -> np.ndarray:

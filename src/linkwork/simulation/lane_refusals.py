@@ -142,7 +142,7 @@ def look_due(method, limits, tables):
 @njit(**OPTIONS)
 def look(lane, method, limits, tables):
     """Look whether an accepted step is stiff, and leave a run of which most are: see
-    `native_loop.stiffness`."""
+    `native_parts.stiffness`."""
     n, y, x, k, now, tally = tables.n, tables.y, tables.x, tables.k, tables.now, tables.tally
     last, h, above, below = method.solution, now[STEP, lane], 0.0, 0.0
     weights, scales = method.a + (last - 1) * method.stages, tables.scale

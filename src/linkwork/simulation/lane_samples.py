@@ -23,7 +23,6 @@ from linkwork.simulation.lane_tables import (
     LOOSE,
     LOWEST,
     MEMBER,
-    PEAKS,
     REACHED,
     REJECTED_PIVOT,
     REJECTED_RESIDUAL,
@@ -32,6 +31,7 @@ from linkwork.simulation.lane_tables import (
     STOP,
     THETA,
     TIME,
+    UNSURE,
     WANTED,
 )
 from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, SINGULAR, padded, whole
@@ -56,7 +56,7 @@ def within(lane, save_at, now, tally):
 def extends(lane, save_at, now, tally):
     """Tell whether a lane needs the dense output: for a sample inside its step, or to look at what
     it may not have seen."""
-    looks = now[LEAST, lane] > 0 or now[PEAKS, lane] > 0
+    looks = now[LEAST, lane] > 0 or now[UNSURE, lane] > 0
     return (looks and now[ACCEPTS, lane] > 0) or within(lane, save_at, now, tally)
 
 

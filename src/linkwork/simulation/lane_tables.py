@@ -71,7 +71,7 @@ NUMBERS = 10
     WANTED,
     THETA,
     LEAST,
-    PEAKS,
+    UNSURE,
 ) = range(10, 25)
 NOW = 25
 

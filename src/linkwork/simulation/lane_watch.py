@@ -25,19 +25,20 @@ from linkwork.simulation.lane_tables import (
     LIVE,
     LONGEST,
     LOWEST,
-    PEAKS,
     REJECTED_PIVOT,
     ROW,
     STEP,
     STEP_SIZE,
     THETA,
     TIME,
+    UNSURE,
     WANTED,
 )
 from linkwork.simulation.native_pace import SHORT, STEEP
 from linkwork.simulation.native_parts import NON_FINITE, OK, SINGULAR
 from linkwork.simulation.native_watch import (
     KEEN,
+    WANING,
     WatchedSignals,
     farthest_bends,
     free_until,
@@ -85,7 +86,7 @@ def watch_of(watched, row):
 
 
 @njit(**OPTIONS)
-def mark(watched, now, tally):
+def mark_bent(watched, now, tally):
     """Mark the lanes whose steps, though they would be accepted, pass more bends than are free;
     return how many."""
     count = 0
@@ -102,28 +103,31 @@ def mark(watched, now, tally):
 
 
 @njit(**INLINED)
-def mark_peaks(now):
-    """Mark the lanes that have come to a peak of the motion with steps that would be accepted, as
-    `native_pace.fallen` tells; tell whether there are any."""
+def mark_unsure(tables):
+    """Mark the lanes that have come to a peak of the motion, or whose pivots fall, with steps that
+    would be accepted, as `native_watch.unsure` tells; tell whether there are any."""
+    now, first_pivot = tables.now, load(tables.k, tables.n)
     h = load(now, STEP_SIZE)
     steady = (h >= splat(STEEP) * load(now, IDEAL)) & (h >= splat(SHORT) * load(now, LONGEST))
-    peaks = choose(steady, splat(0.0), load(now, ACCEPTS))
-    store(now, PEAKS, peaks)
-    return some(peaks >= splat(1.0))
+    steady = steady & (load(now, LOWEST) >= splat(WANING) * first_pivot)
+    unsure = choose(steady, splat(0.0), load(now, ACCEPTS))
+    store(now, UNSURE, unsure)
+    return some(unsure >= splat(1.0))
 
 
 @njit(**OPTIONS)
-def inspect(motion, method, signals, watched, peaks, bent, tables):
-    """Refuse the steps of the marked lanes in which the dense output is too far from a solution, at
-    a peak of the motion or where an input bends; peaks, bent: whether any lane is marked for that.
+def inspect(motion, method, signals, watched, unsure, bent, tables):
+    """Refuse the steps of the marked lanes in which the dense output is too far from a solution,
+    where their errors are unsure or an input bends; unsure, bent: whether any lane is marked for
+    that.
 
     x is left as it was: the new state, under the inputs at its end.
     """
     n, x, kept, now, tally = tables.n, tables.x, tables.kept, tables.now, tables.tally
     for m in range(n):
         store(kept, m, load(x, m))
-    if peaks:
-        store(now, WANTED, load(now, PEAKS) * load(now, ACCEPTS))
+    if unsure:
+        store(now, WANTED, load(now, UNSURE) * load(now, ACCEPTS))
         store(now, THETA, splat(0.5))
         measure(motion, method, signals, KEEN, tables)
         refuse(now, 0.0)
@@ -153,8 +157,8 @@ def inspect(motion, method, signals, watched, peaks, bent, tables):
 
 @njit(**INLINED)
 def refuse(now, bent):
-    """Refuse the steps whose errors are too large; bent: 1 where bends refuse them, 0 where a peak
-    does."""
+    """Refuse the steps whose errors are too large; bent: 1 where bends refuse them, 0 where errors
+    are unsure."""
     for lane in range(LANES):
         if now[ERROR, lane] > 1:
             now[ACCEPTS, lane] = 0.0

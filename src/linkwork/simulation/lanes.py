@@ -81,7 +81,7 @@ from linkwork.simulation.lane_tables import (
     rows_of,
 )
 from linkwork.simulation.lane_turns import large, settle
-from linkwork.simulation.lane_watch import LaneSignals, inspect, mark, mark_peaks
+from linkwork.simulation.lane_watch import LaneSignals, inspect, mark_bent, mark_unsure
 from linkwork.simulation.native_loop import LOOK
 from linkwork.simulation.native_pace import sixteenths
 from linkwork.simulation.native_parts import OK, RESERVE, Kernels, method_of
@@ -158,27 +158,27 @@ def decide(method, limits, tables):
 
 @njit(**OPTIONS)
 def look_into(
-    kernels, method, signals, watched, limits, saving, peaks, occasions, alone, found, tables,
+    kernels, method, signals, watched, limits, saving, unsure, occasions, alone, found, tables,
     places,
 ):  # fmt: skip
     """Look at what the stages may not have seen within the accepted steps, and take the events and
     samples there; refuse steps in which something is wrong. Return the rows of events.
 
-    peaks: whether any lane has come to a peak of the motion
+    unsure: whether the error of any lane may be small by accident
     """
     now, tally, bending, save_at = tables.now, tables.tally, watched.bending, saving.times
     store(now, LEAST, splat(0.0))
     for lane in range(LANES):
         tally[EXTENDED, lane] = 0
     # Which lanes need the dense output, and the stages that it needs beside the others.
-    bent = bending[-1] > bending.size - 1 and mark(watched, now, tally) > 0
+    bent = bending[-1] > bending.size - 1 and mark_bent(watched, now, tally) > 0
     further = method.computed < method.stages
     inside = want_samples(save_at, now, tally)[1] if save_at.size > 0 and further else 0
-    if further and (peaks or bent or inside > 0):
+    if further and (unsure or bent or inside > 0):
         extend(kernels.motion, method, signals, save_at, tables)
     # Steps that the dense output refuses give no samples.
-    if peaks or bent:
-        inspect(kernels.motion, method, signals, watched, peaks, bent, tables)
+    if unsure or bent:
+        inspect(kernels.motion, method, signals, watched, unsure, bent, tables)
     if places.count > 0:
         found = happen(
             STEPPING, occasions, alone, method, signals, limits.closure_tol, found, tables, places
@@ -313,10 +313,10 @@ def integrate(
         # A step is tried, judged, and looked into.
         attempt(kernels, method, signals, limits, tables)
         decide(method, limits, tables)
-        peaks = mark_peaks(tables.now)
-        if looks or peaks:
+        unsure = mark_unsure(tables)
+        if looks or unsure:
             found = look_into(
-                kernels, method, signals, watched, limits, saving, peaks, occasions, alone, found,
+                kernels, method, signals, watched, limits, saving, unsure, occasions, alone, found,
                 tables, places,
             )  # fmt: skip
         book(method.exponent, tables)

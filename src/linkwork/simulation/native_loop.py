@@ -37,7 +37,6 @@ from linkwork.simulation.native_pace import (
     after_failure,
     after_retreat,
     after_success,
-    fallen,
     first_step,
 )
 from linkwork.simulation.native_parts import (
@@ -61,7 +60,7 @@ from linkwork.simulation.native_parts import (
     settle,
     stiffness,
 )
-from linkwork.simulation.native_watch import free_until, look_into, next_bend, watch_of
+from linkwork.simulation.native_watch import free_until, look_into, next_bend, unsure, watch_of
 from linkwork.simulation.pointers import call, pointer
 from linkwork.simulation.status import Status
 from linkwork.simulation.structures import memory_of, numba_type
@@ -322,11 +321,9 @@ def examine(run):
     run.pending = run.method.stages - run.method.computed
     run.bend = next_bend(run.watch, run.t, run.bend)
     # An error is an estimate only where the stages have seen all that acts within the step.
-    if passes(run) and run.method.exponent != 0:
-        rhythm = run.rhythm
-        peaks = fallen(rhythm.step, rhythm.longest, rhythm.ideal)
-        if peaks or free_until(run.watch, run.bend) < run.arrival:
-            look_into(run)
+    adapts = run.method.exponent != 0
+    if passes(run) and adapts and (unsure(run) or free_until(run.watch, run.bend) < run.arrival):
+        look_into(run)
     if passes(run) and run.kernels.events != 0:
         call(run.kernels.search, memory_of(run), run.room.sample)
     # The samples up to the end of the step, which an event may have brought forward.

@@ -8,11 +8,14 @@ as well, which finds what is small on a curved background. There
     h |f(Y(theta), u(t + theta h)) - dY/dt| / blur
 
 in the norm of the errors is an error of the step like any other; `blur` is the method's own, as its
-`Plan` tells. A refused step is tried again no shorter than to where bends are free.
+`StepPlan` tells. A refused step is tried again no shorter than to where bends are free.
 
 Where the motion itself comes to a peak, as the fall of the steps tells (`native_pace`), the
 estimate of a step's error may be small by accident, hundreds of times too small where a step
-reaches across the peak. There the defect in the middle of the step counts, KEEN times.
+reaches across the peak. So it may be where the weakest pivot falls below WANING of what it was at
+the step's start: towards where the independent rates determine nothing, and no farther, the Taylor
+series of the motion in them converges. There the defect in the middle of the step counts, KEEN
+times.
 """
 
 import math
@@ -42,6 +45,7 @@ CLEARLY = (
     1 + 1e-6
 )  # factor by which a bend is farther than another: of equals in a symmetric pulse the first counts
 KEEN = 4.0  # factor on what a defect counts at a peak, where errors are larger than their estimates
+WANING = 1 / 3  # of the pivot at a step's start, below which pivots in it have fallen far
 
 
 class WatchedSignals(NamedTuple):
@@ -177,13 +181,21 @@ def unseen(run):
     return error, ailment
 
 
+@njit(**INLINED)
+def unsure(run):
+    """Tell whether the estimate of a trial step's error may be small by accident: where steps have
+    fallen, or its pivots fall."""
+    rhythm = run.rhythm
+    waning = run.lowest < WANING * run.first_pivot
+    return waning or fallen(rhythm.step, rhythm.longest, rhythm.ideal)
+
+
 @njit(**OPTIONS)
 def look_into(run):
-    """Look into a step with a small error for what its stages may not have seen: at a peak, in the
-    middle, or at bends."""
+    """Look into a step with a small error for what its stages may not have seen: in the middle,
+    where that error is unsure, or at bends."""
     run.ailment = extend(run)
-    rhythm = run.rhythm
-    if run.ailment == OK and fallen(rhythm.step, rhythm.longest, rhythm.ideal):
+    if run.ailment == OK and unsure(run):
         defect, run.ailment = defect_within(run, 0.5)
         run.error = max(run.error, KEEN * defect)
     free = free_until(run.watch, run.bend)

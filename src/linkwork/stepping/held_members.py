@@ -24,6 +24,7 @@ from linkwork.simulation import Status
 from linkwork.simulation.compiled import entry_of
 from linkwork.simulation.turns import whole
 from linkwork.simulation.vectors import LANES
+from linkwork.stepping.admitted import require_room
 from linkwork.stepping.given_to_many import Index, which_of
 from linkwork.stepping.native_block import (
     LIMIT,
@@ -35,7 +36,6 @@ from linkwork.stepping.native_block import (
 )
 from linkwork.stepping.native_exchange import MemberPlaces, transfer
 from linkwork.stepping.native_readings import ReadingTables, readings
-from linkwork.stepping.stepper import require_room
 from linkwork.threads import crew
 
 FEWEST = 256  # members that are worth a thread

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkwork.checks import among, amount, count, shown
-from linkwork.control.sampler import Sampler
+from linkwork.checks import among, amount, count
 from linkwork.errors import LinkworkError
 from linkwork.kernels.from_python import Direct, Ends, call_of, left_to_others
 from linkwork.model import chart_transfer, checks
@@ -30,7 +29,7 @@ from linkwork.runs.passage import Departure, Segment, Stand, portion
 from linkwork.runs.recording import Left
 from linkwork.runs.run_record import RunRecord
 from linkwork.runs.settings import Settings
-from linkwork.runs.system import GIVEN, Forces, require_starts
+from linkwork.runs.system import Forces, require_starts
 from linkwork.simulation import (
     FIXED,
     Control,
@@ -44,6 +43,7 @@ from linkwork.simulation import (
 from linkwork.simulation.compiled import address_of
 from linkwork.simulation.integration import TimeSpan
 from linkwork.simulation.variables import Deferred
+from linkwork.stepping.admitted import is_free, require_counted, require_one, require_room
 from linkwork.stepping.endless import Endless
 from linkwork.stepping.errors import StepError
 from linkwork.stepping.long_steps import LongestStep, longest_step
@@ -61,8 +61,6 @@ KEPT = (
     "The state there is kept: write another one or reset the stepper, or let robot.resume("
     "stepper.run, ...) go on."
 )
-
-COUNTED = 2.0**53  # steps that doubles tell apart
 ONE = 1  # step, the default: what is equal but another object goes the longer way, and is checked
 
 
@@ -469,11 +467,6 @@ class Stepper:
         return RunRecord(self._robot, self._system, segments, np.empty(0), begun, True)
 
 
-def is_free(forces: Forces) -> bool:
-    """Tell whether forces are numbers, for which others may be given step by step."""
-    return not (callable(forces) or isinstance(forces, (Sampler, *GIVEN)))
-
-
 def portions_taken(take: Callable[[int], None], steps: int, most: int) -> int:
     """Take steps in portions, between which Ctrl-C is heard; return how many the last one has,
     which is left to do."""
@@ -484,34 +477,6 @@ def portions_taken(take: Callable[[int], None], steps: int, most: int) -> int:
             raise KeyboardInterrupt
         steps -= most
     return steps
-
-
-def require_one(robot: Model, state: State) -> None:
-    """Refuse what is no state, or a stack of them."""
-    if robot.own(state).batch:
-        raise LinkworkError(
-            f"the states are a stack of the shape {state.batch}; a stepper takes one: "
-            "state.at(index)"
-        )
-
-
-def require_counted(time: float, dt: float) -> float:
-    """Return a time [s]; refuse one so late that numbers of steps are not held in full."""
-    if abs(time) > COUNTED * dt:
-        raise LinkworkError(
-            f"time {time:g} s is more than 2^53 steps of {dt:g} s, which numbers of steps do not "
-            "tell apart; give an earlier one"
-        )
-    return time
-
-
-def require_room(out: np.ndarray, shape: tuple[int, ...]) -> None:
-    """Refuse what states cannot be written to."""
-    if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != DOUBLE:
-        told = f"{out.dtype} of shape {out.shape}" if isinstance(out, np.ndarray) else shown(out)
-        raise LinkworkError(f"out is {told}; give an array of floats of shape {shape}")
-    if not out.flags.writeable:
-        raise LinkworkError("out cannot be written, it is read-only; give an array of its own")
 
 
 @cache

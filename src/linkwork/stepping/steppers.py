@@ -27,6 +27,7 @@ from linkwork.runs.side_by_side import Stands, begun, in_better_charts, pivots
 from linkwork.runs.system import require_starts
 from linkwork.simulation import FIXED, MethodName, Status
 from linkwork.simulation.compiled import entry_of
+from linkwork.stepping.admitted import is_free, require_counted, require_room
 from linkwork.stepping.errors import StepError
 from linkwork.stepping.given_to_many import (
     Index,
@@ -50,15 +51,7 @@ from linkwork.stepping.native_block import (
 )
 from linkwork.stepping.native_many import steps
 from linkwork.stepping.native_readings import ReadingTables
-from linkwork.stepping.stepper import (
-    NONE,
-    ROUNDING,
-    Stepper,
-    is_free,
-    portions_taken,
-    require_counted,
-    require_room,
-)
+from linkwork.stepping.stepper import NONE, ROUNDING, Stepper, portions_taken
 from linkwork.threads import usable_processors
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import accumulate
 
 from linkwork import checks
 from linkwork.errors import LinkworkError
@@ -50,7 +50,7 @@ class FmuVariable:
     """Describe a variable.
 
     role: "time", "input", "parameter" (a free number), "start", "switch", "state", "derivative",
-        "output"; of: the state whose derivative it is; start: where it has one
+        "output", "local"; of: the state whose derivative it is; start: where it has one
     direct: whether it depends on the inputs at the same time; kind: of an output
     """
 
@@ -62,6 +62,10 @@ class FmuVariable:
     of: str | None = None
     direct: bool = False
     kind: str = ""
+
+
+Groups = dict[str, list[FmuVariable]]
+"""Variables by the group's name in C."""
 
 
 @dataclass(frozen=True)
@@ -104,45 +108,64 @@ def variables(driven: Driven, kinds: Sequence[str], by_tree: bool, by_tool: bool
     by_tree: whether it starts from all coordinates of the tree, else from the independent ones;
     by_tool: whether it can start from the tool's coordinates, too
     """
-    robot = driven.robot
     arrays, own = fmu_layouts(driven), StructuredNames()
-    tree, home = robot.equations.tree, robot.home
-    at = dict(zip(tree.coordinates, home.q.tolist(), strict=True))
-    groups: dict[str, list[FmuVariable]] = {"TIME": [FmuVariable("time", "time", "s", "time")]}
+    begin = arrays["Q" if by_tree else "A"]
+    groups = {"TIME": [FmuVariable("time", "time", "s", "time")]}
+    groups |= given(driven, arrays["U"], own)
+    groups |= begun(driven, begin, arrays, own, by_tool)
+    groups |= moving(driven, arrays, own)
+    groups |= outputs(driven.robot, arrays, own, kinds)
+    # Their places.
+    counts = {place: len(found) for place, found in groups.items()}
+    places = dict(zip(groups, accumulate(counts.values(), initial=0), strict=False))
+    everything = [each for found in groups.values() for each in found]
+    if by_tool:
+        about = "whether a motion begins at start_tool instead of start"
+        everything.append(FmuVariable("start_at_tool", "switch", "", about))
+    return FmuVariables(tuple(everything), places, counts, tuple(own.notes))
 
-    def group(place: str, role: str, said: str, layout: ArrayLayout, **more: Any) -> None:
-        groups[place] = [
-            FmuVariable(own.name(said, name), role, unit, f"{layout.about}: {name}", **more)
-            for name, unit in layout.numbers
-        ]
 
-    # What is given: forces and commands, free numbers, and where a motion begins.
-    groups["U"] = [
+def given(driven: Driven, u: ArrayLayout, own: StructuredNames) -> Groups:
+    """Return what is given: forces and commands u, and free numbers."""
+    forces = [
         FmuVariable(own.name(said, name), "input", unit, f"{about}: {name}", 0.0)
-        for name, unit in arrays["U"].numbers
+        for name, unit in u.numbers
         for said, about in [
             ("command", "command of the drive")
             if name in driven.drives
             else ("force", "forces and torques of the actuators")
         ]
     ]
-    groups["P"] = [
+    parameters = [
         FmuVariable(
             own.name("parameter", path),
             "parameter",
-            unit_of_parameter(robot.mechanism, path),
+            unit_of_parameter(driven.robot.mechanism, path),
             f"free number of the description: {path}",
             value,
         )
-        for path, value in robot.parameters.items()
+        for path, value in driven.robot.parameters.items()
     ]
-    begin = arrays["Q" if by_tree else "A"]
-    groups["START"] = [
+    return {"U": forces, "P": parameters}
+
+
+def begun(
+    driven: Driven,
+    begin: ArrayLayout,
+    arrays: Mapping[str, ArrayLayout],
+    own: StructuredNames,
+    by_tool: bool,
+) -> Groups:
+    """Return where a motion begins; begin: the coordinates that tell it, those of the tool, too,
+    where it may begin `by_tool`."""
+    robot = driven.robot
+    at = dict(zip(robot.equations.tree.coordinates, robot.home.q.tolist(), strict=True))
+    coordinates = [
         FmuVariable(own.name("start", name), "start", unit, f"at the start: {name}", at[name])
         for name, unit in begin.numbers
     ]
-    group("START_RATES", "start", "start_rate", arrays["V"], start=0.0)
-    groups["START_DRIVES"] = [
+    rates = of_layout("start", "start_rate", arrays["V"], own, start=0.0)
+    drives = [
         FmuVariable(
             own.name("start", each.name),
             "start",
@@ -152,21 +175,26 @@ def variables(driven: Driven, kinds: Sequence[str], by_tree: bool, by_tool: bool
         )
         for each in driven.states
     ]
-    groups["START_TOOL"] = []
+    tool: list[FmuVariable] = []
     if by_tool:
-        there = values(robot, home.q, task_of(robot)).tolist()
-        groups["START_TOOL"] = [
+        there = values(robot, robot.home.q, task_of(robot)).tolist()
+        tool = [
             FmuVariable(
                 own.name("start_tool", name), "start", unit, f"tool at the start: {name}", x
             )
             for (name, unit), x in zip(arrays["X"].numbers, there, strict=True)
         ]
-    # The states, their derivatives, and what is told.
-    charted = [("q", "Q"), ("w", "W"), *[("drive", "Z")] * bool(driven.states)]
-    for symbol, place in charted:
-        group(place, "state", symbol, arrays[place])
-    for _, place in charted:
-        groups[f"D{place}"] = [
+    return {"START": coordinates, "START_RATES": rates, "START_DRIVES": drives, "START_TOOL": tool}
+
+
+def moving(driven: Driven, arrays: Mapping[str, ArrayLayout], own: StructuredNames) -> Groups:
+    """Return the states and their derivatives."""
+    symbols = {"Q": "q", "W": "w"} | ({"Z": "drive"} if driven.states else {})
+    states = {
+        place: of_layout("state", symbol, arrays[place], own) for place, symbol in symbols.items()
+    }
+    derivatives = {
+        f"D{place}": [
             FmuVariable(
                 f"der({state.name})",
                 "derivative",
@@ -175,25 +203,35 @@ def variables(driven: Driven, kinds: Sequence[str], by_tree: bool, by_tool: bool
                 of=state.name,
                 direct=place != "Q",
             )
-            for state in groups[place]
+            for state in found
         ]
+        for place, found in states.items()
+    }
+    return states | derivatives
+
+
+def of_layout(
+    role: str, said: str, layout: ArrayLayout, own: StructuredNames, start: float | None = None
+) -> list[FmuVariable]:
+    """Return the numbers of an array in a role; said: the group in their names."""
+    return [
+        FmuVariable(own.name(said, name), role, unit, f"{layout.about}: {name}", start)
+        for name, unit in layout.numbers
+    ]
+
+
+def outputs(
+    robot: Robot, arrays: Mapping[str, ArrayLayout], own: StructuredNames, kinds: Sequence[str]
+) -> Groups:
+    """Return what is told; what events alone are found by, and what was not asked for, is local."""
     everything = list(told(robot, arrays, own, [kind for kind in kinds if kind != "closure"]))
-    groups["TOLD"] = [each for each in everything if each.kind not in ("apart", "reactions")]
-    groups["APART"] = [replace(each, role="local") for each in everything if each.kind == "apart"]
     role = "output" if "closure" in kinds else "local"
-    groups["GAP"] = [FmuVariable("closure_error", role, "1", KINDS["closure"], kind="closure")]
-    groups["REACTIONS"] = [each for each in everything if each.kind == "reactions"]
-    # Their places.
-    places, count = {}, 0
-    for place, found in groups.items():
-        places[place] = count
-        count += len(found)
-    everything = [each for found in groups.values() for each in found]
-    if by_tool:
-        about = "whether a motion begins at start_tool instead of start"
-        everything.append(FmuVariable("start_at_tool", "switch", "", about))
-    counts = {place: len(found) for place, found in groups.items()}
-    return FmuVariables(tuple(everything), places, counts, tuple(own.notes))
+    return {
+        "TOLD": [each for each in everything if each.kind not in ("apart", "reactions")],
+        "APART": [replace(each, role="local") for each in everything if each.kind == "apart"],
+        "GAP": [FmuVariable("closure_error", role, "1", KINDS["closure"], kind="closure")],
+        "REACTIONS": [each for each in everything if each.kind == "reactions"],
+    }
 
 
 def told(

@@ -139,50 +139,9 @@ def read_model(root: Element, notes: Notes, moving: bool = False) -> UrdfModel:
     moving: whether the root link is a body of its own rather than ground, unless a floating joint
         carries all else
     """
-    # Links, each name once.
-    links: dict[str, Element] = {}
-    for link in root.each("link"):
-        name = link.text("name")
-        if name in links:
-            raise link.refusal("has the name of another link; names are given once")
-        links[name] = link
-    # Joints: each link is carried once at most.
-    model = UrdfModel(root, FreeNames(notes))
-    elements = [*root.each("joint", drake.JOINT)]
-    carrying = (inner for each in elements for inner in each.each("parent"))
-    if WORLD not in links and any(inner.attributes.get("link") == WORLD for inner in carrying):
-        links[WORLD] = replace(root, tag="link", attributes={"name": WORLD}, children=[])
-    for element in elements:
-        joint = _read_joint(element, links)
-        if joint.name in model.joints:
-            raise element.refusal("has the name of another joint; names are given once")
-        model.put(joint)
-        if model.closes(joint):
-            other = xml.shortened(model.carriers[joint.child].name)
-            notes.on(element, f"carries {xml.shortened(joint.child)}, as {other} does: {CLOSES}")
-        else:
-            model.carried.setdefault(joint.parent, []).append(joint.child)
-    # One root, from which every link is reached, in the order of the tree.
-    roots = [name for name in links if name not in model.carriers]
-    if not links:
-        raise root.refusal("holds no links")
-    if len(roots) != 1:
-        found = (
-            f"the links {', '.join(map(repr, roots[:4]))} are carried by no joint"
-            if roots
-            else "every link is carried"
-        )
-        raise root.refusal(f"{found}; exactly one link is the root")
-    model.base = roots[0]
-    waiting = [model.base]
-    while waiting:
-        model.links[link] = links[link := waiting.pop()]
-        waiting += model.carried.get(link, [])[::-1]
-    lost = next((name for name in links if name not in model.links), None)
-    if lost:
-        raise links[lost].refusal(
-            "hangs in a circle of joints that does not reach the root link; URDF is a tree"
-        )
+    model, links = UrdfModel(root, FreeNames(notes)), _named_links(root)
+    _put_joints(model, links, notes)
+    _follow_tree(model, links)
     # Names of bodies and joints here; the root link is ground, or a body.
     carried = [model.carriers[name].type for name in model.carried.get(model.base, [])]
     ground = () if moving and carried != ["floating"] else (model.base,)
@@ -195,6 +154,59 @@ def read_model(root: Element, notes: Notes, moving: bool = False) -> UrdfModel:
         name: model.names.give(name, joint.element) for name, joint in model.joints.items()
     }
     return model
+
+
+def _named_links(root: Element) -> dict[str, Element]:
+    """Return the links of a document by name, and the world where joints name it."""
+    links: dict[str, Element] = {}
+    for link in root.each("link"):
+        name = link.text("name")
+        if name in links:
+            raise link.refusal("has the name of another link; names are given once")
+        links[name] = link
+    joints = root.each("joint", drake.JOINT)
+    carrying = (inner for each in joints for inner in each.each("parent"))
+    if WORLD not in links and any(inner.attributes.get("link") == WORLD for inner in carrying):
+        links[WORLD] = replace(root, tag="link", attributes={"name": WORLD}, children=[])
+    return links
+
+
+def _put_joints(model: UrdfModel, links: dict[str, Element], notes: Notes) -> None:
+    """Put the joints into a model, of which each link is carried by one; others close loops."""
+    for element in model.root.each("joint", drake.JOINT):
+        joint = _read_joint(element, links)
+        if joint.name in model.joints:
+            raise element.refusal("has the name of another joint; names are given once")
+        model.put(joint)
+        if model.closes(joint):
+            other = xml.shortened(model.carriers[joint.child].name)
+            notes.on(element, f"carries {xml.shortened(joint.child)}, as {other} does: {CLOSES}")
+        else:
+            model.carried.setdefault(joint.parent, []).append(joint.child)
+
+
+def _follow_tree(model: UrdfModel, links: dict[str, Element]) -> None:
+    """Find a model's one root, and put the links in the order of the tree, which reaches all."""
+    roots = [name for name in links if name not in model.carriers]
+    if not links:
+        raise model.root.refusal("holds no links")
+    if len(roots) != 1:
+        found = (
+            f"the links {', '.join(map(repr, roots[:4]))} are carried by no joint"
+            if roots
+            else "every link is carried"
+        )
+        raise model.root.refusal(f"{found}; exactly one link is the root")
+    model.base = roots[0]
+    waiting = [model.base]
+    while waiting:
+        model.links[link] = links[link := waiting.pop()]
+        waiting += model.carried.get(link, [])[::-1]
+    lost = next((name for name in links if name not in model.links), None)
+    if lost:
+        raise links[lost].refusal(
+            "hangs in a circle of joints that does not reach the root link; URDF is a tree"
+        )
 
 
 def _read_joint(element: Element, links: dict[str, Element]) -> UrdfJoint:
