@@ -1,5 +1,5 @@
-"""A regular pose is never called singular where only the order of elimination is weak, and a
-singular one always is.
+"""A regular pose is never called singular where only the order of elimination, or a determinant of
+a firm block, is weak, and a singular one always is.
 
 Whether a pose is singular is told by the least singular value of the constraints of all joints, of
 the oracle's rows, and by NumPy, compared with home.
@@ -10,8 +10,10 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import linkwork as lw
+from linkwork.model.checks import PIVOT_BOUND
 
 from tests.catalogue import built
 from tests.oracle.maximal import MaximalOracle
@@ -187,3 +189,82 @@ def test_rates_near_a_weak_order_are_those_of_a_dense_solution(stewart, turned, 
     np.testing.assert_allclose(found, w, rtol=1e-11, atol=1e-11)
     forces = stewart.inverse_dynamics(state, stewart.forward_dynamics(state, FORCES))
     np.testing.assert_allclose(forces, FORCES, rtol=1e-9, atol=1e-9)
+
+
+# Blocks whose determinant is small while their singular values are not
+
+
+ROD, PLATFORM, MASS, SLIDER, PUSH, TURN = 1.0, 0.1, 1.0, 2.0, 8.0, 0.4
+
+
+@pytest.fixture(scope="module")
+def hung():
+    """Make a platform that only translates, hung by three rods from slides that point outward."""
+    joints: dict[str, lw.PrismaticJoint | lw.RodJoint] = {
+        "x": lw.PrismaticJoint(connects=("ground", "cross"), axis=(1, 0, 0)),
+        "y": lw.PrismaticJoint(connects=("cross", "column"), axis=(0, 1, 0)),
+        "z": lw.PrismaticJoint(connects=("column", "platform"), axis=(0, 0, 1)),
+    }
+    for i in range(3):
+        angle = 2 * np.pi * i / 3 + 0.3
+        e, slider = np.array([np.cos(angle), np.sin(angle), 0.0]), f"slider_{i}"
+        joints[f"slide_{i}"] = lw.PrismaticJoint(connects=("ground", slider), axis=tuple(e))
+        frames = (lw.Frame(), lw.Frame(position=tuple(PLATFORM * e)))
+        joints[f"rod_{i}"] = lw.RodJoint(connects=(slider, "platform"), frames=frames, length=ROD)
+    slides = tuple(f"slide_{i}" for i in range(3))
+    masses = {"cross": 0.0, "column": 0.0, "platform": MASS}
+    masses |= {f"slider_{i}": SLIDER for i in range(3)}
+    mechanism = lw.Mechanism(
+        name="hung",
+        bodies={name: lw.Body(mass=mass) for name, mass in masses.items()},
+        joints=joints,
+        actuators=slides,
+        gravity=(0, 0, -9.81),
+        reference=dict.fromkeys(slides, PLATFORM + 0.5) | {"z": -np.sqrt(0.75)},
+    )
+    return lw.Robot(mechanism)
+
+
+def swung(least: float) -> np.ndarray:
+    """Return how far all slides are beside the platform, and their speed, TURN s after they turn
+    back at a least distance: of one freedom by hand."""
+
+    def slope(_, y):
+        x, v = y
+        h = np.sqrt(ROD**2 - x**2)
+        force = 3 * PUSH - MASS * x / h * (9.81 + ROD**2 / h**3 * v**2)
+        return v, force / (3 * SLIDER + MASS * (x / h) ** 2)
+
+    return solve_ivp(slope, (0, TURN), (least, 0.0), rtol=1e-12, atol=1e-14).y[:, -1]
+
+
+@pytest.fixture
+def towards(hung):
+    """Make a state from which the rods become nearly parallel, and those of the way back."""
+    x, v = swung(0.004)
+    start = hung.assemble(dict.fromkeys(hung.actuators, PLATFORM + x)).with_rates([-v] * 3)
+    return start, PLATFORM + x
+
+
+@pytest.mark.parametrize("method", ["dormand_prince", "dop853", "rk4"])
+def test_runs_pass_where_a_block_is_firm_and_its_determinant_small(hung, towards, method):
+    """Two singular values are a hundredth of those at home, and the determinant is its square."""
+    start, end = towards
+    options = {"step": 1e-3} if method == "rk4" else {"rtol": 1e-10}
+    run = hung.simulate(start, [PUSH] * 3, duration=2 * TURN, method=method, **options)
+    assert run.status is lw.Status.FINISHED
+    nearest = hung.run_chart.pivot(hung.assemble(dict.fromkeys(hung.actuators, 0.104)).q)
+    assert nearest < PIVOT_BOUND
+    np.testing.assert_allclose(run.final.positions[-3:], end, atol=1e-9)
+
+
+def test_members_and_steps_pass_where_a_block_is_firm(hung, towards):
+    start, end = towards
+    stack = hung.state(np.tile(start.positions, (2, 1)), start.rates)
+    members = hung.ensemble(stack, [PUSH] * 3, duration=2 * TURN, rtol=1e-10)
+    assert not members.failed.size
+    steppers = hung.stepper(stack, dt=1e-3)
+    for _ in range(800):
+        steppers.step([PUSH] * 3)
+    for positions in (*members.final.positions, steppers.alone(1).state.positions):
+        np.testing.assert_allclose(positions[-3:], end, atol=1e-9)

@@ -16,12 +16,16 @@ import numpy as np
 
 from linkwork.equations.chart_choice import alike
 from linkwork.model.charts import BUILDING, CompiledChart
+from linkwork.model.checks import PIVOT_BOUND
 
 if TYPE_CHECKING:
     from linkwork.model.model import Model
 
 BETTER = 2.0  # factor in strength for which a chart is changed near a singular pose
 REUSED = 0.2  # relative pivot from which the chart that runs start in is used again
+LOWER = 0.25  # the soft bound falls by this factor while no better chart is found
+FIRM = 10 * PIVOT_BOUND  # singular values of a block whose determinant alone is small
+HALVED = PIVOT_BOUND**2  # relative determinants of which half of the digits are left
 
 
 class Choice(NamedTuple):
@@ -93,3 +97,25 @@ def kept_charts(
         members = members[~strong]
     if members.size:
         yield members, charts.setdefault(candidate.key, candidate)
+
+
+def lowered_bounds(
+    chart: CompiledChart, Phi: np.ndarray, bounds: np.ndarray, pivots: np.ndarray
+) -> np.ndarray:
+    """Return the lower bounds under which runs go on in a chart where none is better (G), zero
+    where they end.
+
+    The hard bound tells of one pivot how errors grow. That of a block is a determinant, which falls
+    as a power of its singular values: it may fall further where these are firm.
+
+    Args:
+        chart: that of the runs.
+        Phi: the constraint Jacobian at configurations (G x all rows x nv).
+        bounds, pivots: the bounds that ended the runs there, and the relative pivots (G).
+    """
+    lower = LOWER * np.minimum(bounds, pivots)
+    least = np.full(lower.shape, PIVOT_BOUND)
+    (near,) = np.nonzero(lower < PIVOT_BOUND)
+    if near.size:
+        least[near] = np.where(chart.strengths(Phi[near]) > FIRM, HALVED, PIVOT_BOUND)
+    return np.where(bounds > least, np.maximum(least, lower), 0.0)

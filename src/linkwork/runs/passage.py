@@ -18,13 +18,12 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from linkwork.model import checks
 from linkwork.model.chart_transfer import reread
 from linkwork.model.charts import CompiledChart
 from linkwork.model.turning import turning
 from linkwork.patience import Kept
 from linkwork.runs.crossing import Crossed, Crossing
-from linkwork.runs.next_chart import Choice, choice
+from linkwork.runs.next_chart import LOWER, Choice, choice, lowered_bounds
 from linkwork.runs.settings import Settings
 from linkwork.runs.system import System, with_jacobian
 from linkwork.simulation import (
@@ -49,7 +48,6 @@ CLOSURE = 1e-13
 SOFT = 0.05  # relative pivot at which a better chart is looked for
 RECOVERED = 1.5  # pivot over the soft bound at which a lowered bound is raised again
 SHORT = 1000  # shortest segments in a run's duration
-LOWER = 0.25  # the soft bound falls by this factor while no better chart is found
 LONGER = 4.0
 """First step in a new chart, in units of the next one in the old chart: as long as the one that
 failed there."""
@@ -270,10 +268,9 @@ class Passage:
             here = here._replace(chart=chart, t=behind.end_time, q=q, v=behind.v_end, control=None)
             return here._replace(bound=bound, short=short, over=over)
         # Nothing is better: the same chart goes on under a lower bound, down to the hard one.
-        if stand.bound <= checks.PIVOT_BOUND or not t < self.end:
-            return None
-        lower = LOWER * min(stand.bound, chart.pivot(q))
-        return here._replace(bound=max(checks.PIVOT_BOUND, lower))
+        Phi, bounds = self.robot.chart.constraint_jacobian(q[None]), np.array([stand.bound])
+        (bound,) = lowered_bounds(chart, Phi, bounds, np.array([chart.pivot(q)])).tolist()
+        return here._replace(bound=bound) if bound and t < self.end else None
 
     def _looked(self, stand: Stand) -> Stand:
         """Return a stand at the end of a short segment: its bound is raised if the pivots have

@@ -17,14 +17,13 @@ from typing import NamedTuple
 import numpy as np
 
 from linkwork.equations.chart_choice import alike
-from linkwork.model import checks
 from linkwork.model.chart_transfer import reread
 from linkwork.model.charts import CompiledChart
 from linkwork.model.turning import turning
 from linkwork.runs.members import Members
-from linkwork.runs.next_chart import choices
+from linkwork.runs.next_chart import choices, lowered_bounds
 from linkwork.runs.one_by_one import Progress, Task
-from linkwork.runs.passage import CLOSURE, LONGER, LOWER, RECOVERED, SHORT, SOFT, Segment, Stand
+from linkwork.runs.passage import CLOSURE, LONGER, RECOVERED, SHORT, SOFT, Segment, Stand
 from linkwork.runs.settings import Settings
 from linkwork.simulation import Method, Status, Trajectory
 from linkwork.simulation.admission import times_within
@@ -319,10 +318,22 @@ def onward(batch: Members, settings: Settings, leg: Leg) -> tuple[list[Stands], 
         alone = np.concatenate([alone, rows[left]])
     else:
         rest = here[left]
-        rest = rest[(rest.bound > checks.PIVOT_BOUND) & (rest.t < end)]
-        lower = LOWER * np.minimum(rest.bound, pivots(batch, rest))
-        going.append(replace(rest, bound=np.maximum(checks.PIVOT_BOUND, lower)))
+        going.append(lowered(batch, rest[rest.t < end]))
     return [*going, *better], alone
+
+
+def lowered(batch: Members, stands: Stands) -> Stands:
+    """Return members who go on in a chart where none is better, under a lower bound."""
+    q = stands.y[:, : batch.robot.equations.nq]
+    Phi = batch.robot.chart.constraint_jacobian(q, varied(batch, stands))
+    bounds = lowered_bounds(stands.chart, Phi, stands.bound, pivots(batch, stands))
+    return replace(stands, bound=bounds)[bounds > 0]
+
+
+def varied(batch: Members, stands: Stands) -> np.ndarray | None:
+    """Return the free parameters of members (M x np), None where they are the robot's own."""
+    robot = batch.robot
+    return batch.p_robot(stands.members) if batch.varied and robot.p.size else None
 
 
 def in_better_charts(
@@ -337,7 +348,7 @@ def in_better_charts(
     if not changed.size:
         return [], changed
     q, v, z = (np.ascontiguousarray(part) for part in np.split(stands.y, [nq, nq + n], axis=1))
-    p = batch.p_robot(stands.members) if batch.varied and robot.p.size else None
+    p = varied(batch, stands)
     regular, groups = choices(robot, chart, q, robot.chart.constraint_jacobian(q, p), p)
     found = []
     for chosen, better in groups:

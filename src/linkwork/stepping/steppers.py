@@ -20,10 +20,10 @@ from linkwork.model.parameters import with_parameters
 from linkwork.model.state import State
 from linkwork.runs.cable_leaps import gaps, leaps, may_leap, tell_leaps
 from linkwork.runs.members import Members, forces_of_each, members, require_closed
-from linkwork.runs.passage import LOWER, RECOVERED, SOFT
+from linkwork.runs.passage import RECOVERED, SOFT
 from linkwork.runs.running import EXAMPLE
 from linkwork.runs.settings import Settings
-from linkwork.runs.side_by_side import Stands, begun, in_better_charts, pivots
+from linkwork.runs.side_by_side import Stands, begun, in_better_charts, lowered, pivots
 from linkwork.runs.system import require_starts
 from linkwork.simulation import FIXED, MethodName, Status
 from linkwork.simulation.compiled import entry_of
@@ -412,9 +412,8 @@ class Steppers(HeldMembers):
             for other in better:
                 self._enter(other.chart, other.members, other.y)
             # Where nothing is better the bound is lowered, down to the hard one.
-            left = stands[np.flatnonzero(~changed & (stands.bound > checks.PIVOT_BOUND))]
-            lower = LOWER * np.minimum(left.bound, pivots(self._batch, left))
-            herd.numbers[LIMIT, left.members] = np.maximum(checks.PIVOT_BOUND, lower)
+            left = lowered(self._batch, stands[np.flatnonzero(~changed)])
+            herd.numbers[LIMIT, left.members] = left.bound
             herd.status[left.members], self._lowered = OK, True
             self._look[left.members] = (
                 herd.numbers[NUMBER, left.members] + self._short[left.members]
