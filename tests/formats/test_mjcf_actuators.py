@@ -184,6 +184,28 @@ def test_a_run_is_led_by_the_files_own_servos(tmp_path):
     assert data.qpos == pytest.approx([own[f"j{k}"] for k in (1, 2, 3, 4)], abs=1e-5)
 
 
+@pytest.mark.parametrize(("control", "shown"), [(0.3, 0.12), (-0.4, -0.05), (0.08, 0.08)])
+def test_a_lag_stays_within_the_range_of_its_activation(tmp_path, control, shown):
+    """MuJoCo bounds it at the ends of steps: its errors of first order are extrapolated."""
+    path = tmp_path / "arm.xml"
+    lag = 'dyntype="filter" dynprm="0.02" actlimited="true" actrange="-0.05 0.12"'
+    path.write_text(ARM.format(joint="", actuators=f'<general joint="j3" gainprm="7" {lag}/>'))
+    robot = lw.Robot(load(path).mechanism)
+    run = robot.simulate(robot.home, [control], duration=0.4, drives=robot.drives, rtol=1e-10)
+    assert run["actuator_force"].values[-1] == pytest.approx([7 * shown], abs=1e-6)
+    ends = []
+    for step in (2e-4, 1e-4):
+        model, data = side.compiled(path)
+        model.opt.timestep, model.opt.integrator = step, mj.mjtIntegrator.mjINT_RK4
+        data.ctrl[:] = control
+        while data.time < 0.4 - 1e-9:
+            mj.mj_step(model, data)
+        ends.append(data.qpos.copy())
+    own = dict(zip(robot.coordinates, run["joint_position"].values[-1], strict=True))
+    expected = [own[f"j{k}"] for k in (1, 2, 3, 4)]
+    assert 2 * ends[1] - ends[0] == pytest.approx(expected, abs=2e-5)
+
+
 def test_a_tendon_bounds_what_its_one_actuator_does(tmp_path):
     path = tmp_path / "arm.xml"
     motor = '<position tendon="split" kp="20" gear="2"/>'

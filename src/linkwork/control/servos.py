@@ -94,10 +94,12 @@ class Servo(Drive):
 
 @dataclass(frozen=True)
 class LaggingServo(Servo):
-    """Be a `Servo` whose activation follows the command with a first-order lag: time_constant a' =
-    c - a."""
+    """Be a `Servo` whose activation follows the command with a first-order lag, time_constant a' =
+    c - a, and stays within its range."""
 
     time_constant: float = number("", "s", Positive, 1.0)
+    least_activation: float | None = number("bound of a", "as the command", default=None)
+    largest_activation: float | None = number("bound of a", "as the command", default=None)
     initial_activation: float = number("a at the start", "of the command", default=0.0)
 
     type: ClassVar[str] = "lagging_servo"
@@ -107,8 +109,9 @@ class LaggingServo(Servo):
         return (Extra("activation", "as the command", self.initial_activation),)
 
     def equations(self, command, x, w, z):
-        lag = (self.commanded(command) - z[0]) / self.time_constant
-        return self.force(z[0], self.gear * x, self.gear * w), (lag,)
+        change = (self.commanded(command) - z[0]) / self.time_constant
+        activation, change = bounded(z[0], change, self.least_activation, self.largest_activation)
+        return self.force(activation, self.gear * x, self.gear * w), (change,)
 
 
 @dataclass(frozen=True)
@@ -126,13 +129,18 @@ class IntegratingServo(Servo):
         return (Extra("activation", "command times s", self.initial_activation),)
 
     def equations(self, command, x, w, z):
-        c = change = self.commanded(command)
-        if self.largest_activation is not None:
-            change = math.where(z[0] < self.largest_activation, change, math.minimum(c, 0))
-        if self.least_activation is not None:
-            change = math.where(z[0] > self.least_activation, change, math.maximum(change, 0))
-        activation = within(z[0], self.least_activation, self.largest_activation)
+        change = self.commanded(command)
+        activation, change = bounded(z[0], change, self.least_activation, self.largest_activation)
         return self.force(activation, self.gear * x, self.gear * w), (change,)
+
+
+def bounded(a: Any, change: Any, least: Any, largest: Any) -> tuple[Any, Any]:
+    """Return an activation and its rate within bounds, at which it stays; None is no bound."""
+    if largest is not None:
+        change = math.where(a < largest, change, math.minimum(change, 0))
+    if least is not None:
+        change = math.where(a > least, change, math.maximum(change, 0))
+    return within(a, least, largest), change
 
 
 def within(value: Any, least: Any, largest: Any) -> Any:

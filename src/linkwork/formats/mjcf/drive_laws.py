@@ -102,6 +102,7 @@ class DriveReader:
             kind, numbers["time_constant"] = "lagging_servo", dynamics[1]
         elif dynamics[0] == "integrator":
             kind = "integrating_servo"
+        if kind != "servo":
             numbers |= self._range(element, "act", "activation")
         return {"type": kind, **numbers} if numbers or kind != "servo" else {}
 
@@ -151,14 +152,10 @@ class DriveReader:
             return True
         attributes = element.attributes
         dynamics = attributes.get("dyntype", "none")
-        lagged = dynamics not in LAGS or not self.document.is_limited(
-            element, "actrange", "actlimited"
-        )
         return (
             attributes.get("gaintype", "fixed") in ("fixed", "affine")
             and attributes.get("biastype", "none") in ("none", "affine")
             and dynamics in ("none", "integrator", *LAGS)
-            and lagged
             and not flag(element, "actearly", False)
         )
 
