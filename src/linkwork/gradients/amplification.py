@@ -15,24 +15,28 @@ Source: Hairer & Wanner, Solving Ordinary Differential Equations II, 2nd ed. (19
 from __future__ import annotations
 
 import warnings
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
 
+from linkwork.control.acting import Acting
 from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.gradients.instants import sampled
 from linkwork.gradients.retraced import Retraced
+from linkwork.gradients.run_kernels import joined_with
 from linkwork.gradients.segment_rows import plans_of
+from linkwork.model.charts import CompiledChart
 from linkwork.simulation.fixed_steps import SymplecticEuler
 from linkwork.simulation.rosenbrock import RODAS
 
-LARGE, FEW = 100.0, 16
+LARGE, FEW = 1000.0, 16
 """Growth of derivatives from which on steps may have made it, and so few steps that they are looked
 at in any case."""
 MEANT = 10.0  # times by which steps may make changes larger that the motion does not
 ASTRAY = 0.05  # part by which changes may be off
 ACCURATE = 1.0  # |h l| up to which explicit steps follow a motion closely
+POWER = 16  # of a matrix: the root of that power's norm is hardly more than its largest value
 TINY = float(np.finfo(float).tiny)
 
 
@@ -68,23 +72,33 @@ def require_meant(of: Retraced, grown: float, stacklevel: int, few: float = FEW)
 
 
 def judged(of: Retraced, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return by how much more than the motion each step of a segment makes some change larger, by
-    which part of it changes that last are off, and how long it may be; nothing of implicit methods
-    and of systems whose Jacobian is too large to be written out."""
+    """Return by how much more than the motion each long step of a segment makes some change larger,
+    by which part of it changes that last are off, and how long it may be; nothing of implicit
+    methods and of systems whose Jacobian is too large to be written out."""
     segment = of.segments[number]
     part, weights = segment.trajectory, stability(segment.method)
     h = np.diff(part.t)
-    if weights is None or not h.size or of.system.joined(segment.chart).large:
+    if weights is None or not h.size or not written_out(of.acting, segment.chart):
         return np.empty(0), np.empty(0), np.empty(0)
     states = sampled(of.system, number, part, part.rows[:-1])
     slopes = of.partials(segment.chart, "derivatives", lambda joined: joined.derivatives, states)
-    values = np.linalg.eigvals(slopes.y)
+    # Most steps are short for all motions by a norm alone.
+    with np.errstate(over="ignore", invalid="ignore"):
+        powers = np.linalg.matrix_power(h[:, None, None] * slopes.y, POWER)
+        unsure = ~(np.linalg.norm(powers, axis=(1, 2)) ** (1 / POWER) < ACCURATE / 2)
+    h, values = h[unsure], np.linalg.eigvals(slopes.y[unsure])
     z = h[:, None] * values
     told, true = polyval(z, weights), np.exp(z)
     size = np.maximum(np.abs(true), 1.0)
     excess, off = np.abs(told) / size, np.where(z.real > -1.0, np.abs(told - true) / size, 0.0)
     fastest = np.abs(values).max(axis=1, initial=TINY)
     return excess.max(axis=1, initial=TINY), off.max(axis=1, initial=0.0), ACCURATE / fastest
+
+
+@lru_cache(maxsize=256)
+def written_out(acting: Acting, chart: CompiledChart) -> bool:
+    """Tell whether the Jacobian of runs is small enough to be written out."""
+    return not joined_with(acting).joined(chart).large
 
 
 @cache
