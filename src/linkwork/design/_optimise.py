@@ -30,7 +30,6 @@ from linkwork.patience import announced
 from linkwork.robot import Robot
 
 STEPS = 500
-BELOW = 0.05  # part by which the level begins on the safe side
 SAME = 1e-5  # part by which the robot's own measure may differ from what was found
 PASSED = 0.01  # part by which it may be worse between samples without a warning
 AT_BOUND = 1e-6  # part of the way between its bounds at which a choice is at one
@@ -162,8 +161,7 @@ def solved(
     p, functions = chosen.parameters(part), chosen.robot.functions()
     scale = scale_of(start)
     x = [part, level]
-    safe = start / scale - BELOW * objective.better  # what all points have to spare
-    begin = [(chosen.start - chosen.lower) / chosen.width, np.array([safe])]
+    begin = [(chosen.start - chosen.lower) / chosen.width, np.array([start / scale])]
     equations, margins = [], []
     for measure, t in [(objective, scale * level), *bounds.items()]:
         points = measure.points(chosen.robot, functions)

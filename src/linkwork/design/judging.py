@@ -271,15 +271,12 @@ def at_poses(robot: Robot, poses: ArrayLike) -> State:
 
 
 def pivots(A: ca.SX) -> ca.SX:
-    """Return the pivots of the elimination of a symmetric matrix in its own order, all positive
-    where it is positive definite.
-
-    They vanish with its least value as that does, also where several are least at once, which
-    leading minors do not: these fall as its power.
-    """
-    found = []
+    """Return the pivots of the elimination of a symmetric matrix in its own order, each times those
+    before it: its leading minors, all positive where it is positive definite."""
+    found, product = [], ca.SX(1)
     for k in range(A.shape[0]):
-        found.append(A[k, k])
+        product = product * A[k, k]
+        found.append(product)
         A = A - A[:, k] @ A[k, :] / A[k, k]
     return ca.vertcat(*found)
 
