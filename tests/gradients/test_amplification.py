@@ -75,6 +75,16 @@ def test_steps_that_lead_motions_beside_a_run_astray_are_warned_of():
         assert slope(pushed(robot, max_step=0.05)) == pytest.approx(exact, abs=1e-9)
 
 
+@pytest.mark.parametrize("name", ["joint_rate", "work"])
+def test_an_adjoint_warns_once_where_it_is_asked(name):
+    run = pushed(carts(8.0))
+    weights = {name: np.ones(run[name].shape)}
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        run.gradient(weights)
+    assert [each.filename for each in told] == [__file__]
+
+
 def test_what_dies_out_has_its_derivative_by_stiff_steps():
     robot = carts(1e4, damping=1e5)
     with pytest.raises(lw.LinkworkError, match="method='rodas' if these die out"):

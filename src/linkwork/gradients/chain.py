@@ -121,9 +121,7 @@ class SegmentLinks:
         inner = times[between]
         # The steps, beside breaks, and which of them the samples between are in.
         t, y, at = self.breaks.graded(a, b)
-        within = inner
-        if inner.size:
-            within = np.maximum(np.minimum(t.searchsorted(inner) - 1, len(t) - 2), 0).astype(float)
+        within = np.maximum(np.minimum(t.searchsorted(inner) - 1, len(t) - 2), 0)
         plan, apart = rows.plans
         kernels = rows.whole.acting, rows.chart, rows.whole.cost
         taken = StepsTaken(
@@ -134,7 +132,7 @@ class SegmentLinks:
             t=t,
             y=y,
             held=rows.held[a],
-            places=within,
+            places=within.astype(float),
             times=inner,
         )
         return Steps(

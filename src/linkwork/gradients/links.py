@@ -64,6 +64,11 @@ class LossSlopes(HandedOn):
 
     integral: float = 0.0
 
+    @property
+    def grown(self) -> float:
+        """How many times larger those of the state at hand are than those of the samples."""
+        return np.abs(self.y).max(initial=0.0) / (np.abs(self.sample_y).max(initial=0.0) or 1.0)
+
     def add(
         self, numbers: np.ndarray | slice, y: np.ndarray, held: np.ndarray, t: np.ndarray
     ) -> None:

@@ -23,9 +23,10 @@ from linkwork.control.joined import Joined
 from linkwork.control.kept_traces import acting_once
 from linkwork.control.tracing import Law
 from linkwork.errors import LinkworkError
+from linkwork.gradients.amplification import require_meant
 from linkwork.gradients.numbers import GROUPS, Numbers
 from linkwork.gradients.retraced import Retraced, retraced
-from linkwork.gradients.sensitivities import led_back, pull
+from linkwork.gradients.sensitivities import led_back, pull, require_finite
 from linkwork.model.state import State
 from linkwork.runs.run_record import RunRecord
 from linkwork.runs.running import EXAMPLE, watched
@@ -107,6 +108,8 @@ def loss_gradient(
         pull(of, slopes, f"loss {count}", told, np.ones((len(of.samples.t), 1)))
         value += evaluated(of, count)
     found = led_back(of, numbers, slopes)
+    require_meant(of, slopes.grown, 4)
+    require_finite("the loss", found)
     samples = None
     if numbers.samples:
         samples = numbers.by_samples(slopes)

@@ -81,7 +81,7 @@ def pulled_back(
     given = checks.by_name(weights, "the weights", "{'tool_pose': ...}")
     numbers = Numbers(of)
     names, slopes = numbers.chosen(to), numbers.slopes()
-    totals = np.zeros(len(numbers.names) + len(numbers.samples))
+    totals, grown = np.zeros(len(numbers.names) + len(numbers.samples)), 0.0
     for name in quantities_of(run, [*given]):
         if name == EVENT_TIME:
             bars = checks.finite(given[name], f"weights of {name}")
@@ -93,10 +93,13 @@ def pulled_back(
         require_shape(name, bars, shape)
         bars = bars.reshape(shape[0], -1)
         if name == WORK:
-            totals += work_against(of, slopes, bars[:, 0])
+            share, grown = work_against(of, slopes, bars[:, 0])
+            totals += share
         else:
             pull_back(of, slopes, name, bars)
     totals += gathered(of, numbers, slopes)
+    require_meant(of, max(grown, slopes.grown), 4)
+    require_finite("the loss", totals)
     found = dict(zip((*numbers.names, *numbers.samples), totals.tolist(), strict=True))
     return {name: found[name] for name in names}
 
@@ -167,27 +170,23 @@ def work_along(of: Retraced, names: tuple[str, ...], changes: Changes) -> np.nda
     return done.weights.along(powers[:-1]) + at_end
 
 
-def work_against(of: Retraced, slopes: LossSlopes, bars: np.ndarray) -> np.ndarray:
+def work_against(of: Retraced, slopes: LossSlopes, bars: np.ndarray) -> tuple[np.ndarray, float]:
     """Return the derivatives of a sum of bars (S,) times the work by all numbers, but for what the
-    time of its end adds to the slopes."""
+    time of its end adds to the slopes, and how many times larger they have become."""
     done = WorkDone(of)
     done.require_no_jumps()
     inner = Numbers(done.at_nodes)
     own = inner.slopes()
     pull(done.at_nodes, own, "power", power, np.append(done.weights.against(bars), 0.0)[:, None])
     slopes.sample_t[: len(bars)] += done.at_end * bars
-    return gathered(done.at_nodes, inner, own)
+    return gathered(done.at_nodes, inner, own), own.grown
 
 
 def led_back(of: Retraced, numbers: Numbers, slopes: LossSlopes) -> np.ndarray:
     """Lead derivatives of a loss back to the start; return those with respect to all numbers."""
-    read = np.abs(slopes.sample_y).max(initial=0.0) or 1.0
     for link in reversed(chained(of)):
         link.against(slopes)
-    require_meant(of, np.abs(slopes.y).max(initial=0.0) / read, 5)
-    found = numbers.gathered(slopes)
-    require_finite("the loss", found)
-    return found
+    return numbers.gathered(slopes)
 
 
 def readings(of: Retraced, name: str) -> Iterator[tuple[slice, Partials]]:

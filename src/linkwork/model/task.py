@@ -98,7 +98,7 @@ def require_independent(robot: Model, task: Task) -> None:
 def not_plain(robot: Model) -> str:
     """Say that no task is plain, and what would state one."""
     names, maps = POSES[robot.planar], robot.once(tool_motions)
-    able = max(ranks(maps, maps))
+    able = max(ranks_there := ranks(maps, maps))
     if able < freedoms(robot):
         return (
             f"the robot has {freedoms(robot)} freedoms and its tool moves in {able} of them, so "
@@ -106,7 +106,7 @@ def not_plain(robot: Model) -> str:
             "it"
         )
     # Where most can be led, those that the robot leads best.
-    there = maps[int(np.argmax(ranks(maps, maps)))][[TWIST_ROWS[name] for name in names]]
+    there = maps[ranks_there.index(able)][[TWIST_ROWS[name] for name in names]]
     task = tuple(names[k] for k in sorted(largest_rows(there, able)))
     return (
         f"the tool's pose has {len(names)} coordinates, of which {sum(moving(robot))} move at "

@@ -98,11 +98,16 @@ def of_tool(timed: TimedPath, what: tuple[str, ...]) -> tuple[TimedPath, tuple[s
             f"the path leads the joints {', '.join(timed.names)}; leave what={checks.shown(what)} "
             "out, or give a path of the tool"
         )
-    if len(what) != (size := timed.sample(np.zeros(1))[0].shape[1]):
+    if len(what) != (size := size_of(timed)):
         raise LinkworkError(
             f"what={checks.shown(what)} names {len(what)} coordinates, but the path leads {size}"
         )
     return replace(timed, names=()), what
+
+
+def size_of(timed: TimedPath) -> int:
+    """Return how many coordinates a path leads."""
+    return timed.sample(np.zeros(1))[0].shape[1]
 
 
 def require_vectors(robot: Robot, timed: TimedPath, what: Sequence[str] | None) -> None:
@@ -118,8 +123,10 @@ def require_vectors(robot: Robot, timed: TimedPath, what: Sequence[str] | None) 
 
 def require_places(robot: Robot, timed: TimedPath) -> None:
     """Refuse a list of moves for a tool whose first coordinates are not its place."""
-    size, place = timed.sample(np.zeros(1))[0].shape[1], ["x", "y", "z"][: timed.places]
-    led = asked_of(robot, size).labels if timed.places and robot.mechanism.tools else place
+    if not (timed.places and robot.mechanism.tools):
+        return
+    size, place = size_of(timed), ["x", "y", "z"][: timed.places]
+    led = asked_of(robot, size).labels
     if [*led[: len(place)]] != place:
         raise LinkworkError(
             f"the list of moves leads {', '.join(place)}, but the tool is led in "
