@@ -17,7 +17,7 @@ from linkwork.kernels.interpreter import LONG, PAYS, Interpreted, found_or_told
 from linkwork.kernels.listing import kept_count, listing
 from linkwork.kernels.machine import this_machine
 from linkwork.kernels.module import Module, load
-from linkwork.kernels.program import KernelError, Program, signature, trace
+from linkwork.kernels.program import KernelError, Program, refuse_unknown, signature, trace
 from linkwork.kernels.simplify import simplify
 from linkwork.threads import crew
 
@@ -50,7 +50,9 @@ def compile_function(
     The kernel warns once where the cache's folder cannot be written, and where an entry of the
     cache is damaged; it is right all the same.
     """
-    return Kernel(f, rows, patient)
+    kernel = Kernel(f, rows, patient)
+    refuse_unknown(f)
+    return kernel
 
 
 class Kernel:
@@ -401,7 +403,7 @@ class Kernel:
 
 
 def _restored(f: ca.Function, rows: ca.Function | None, last: NDArray[np.float64] | None) -> Kernel:
-    kernel = compile_function(f, None if rows is None else lambda: rows)
+    kernel = Kernel(f, None if rows is None else lambda: rows)
     return kernel if last is None else kernel.given(last)
 
 

@@ -92,8 +92,7 @@ _KNOWN = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_NAMES, *_SPELLED}
 def signature(f: ca.Function) -> tuple[tuple[tuple[str, int], ...], tuple[tuple[str, int], ...]]:
     """Return (name, number of doubles) of every input and of every output of `f`.
 
-    Raises KernelError where `f` is not a CasADi function of SX without free variables, or uses an
-    operation that cannot be compiled.
+    Raises KernelError where `f` is not a CasADi function of SX without free variables.
     """
     if not isinstance(f, ca.Function):
         raise KernelError(
@@ -109,21 +108,24 @@ def signature(f: ca.Function) -> tuple[tuple[tuple[str, int], ...], tuple[tuple[
         raise KernelError(
             f"Function '{f.name()}' has free variables ({free}); every symbol has to be an input."
         )
-    unknown = {f.instruction_id(k) for k in range(f.n_instructions())} - _KNOWN
-    for code in sorted(unknown):
-        raise KernelError(
-            f"Function '{f.name()}' uses the operation {_name_of(code)}, which cannot be compiled."
-        )
     return (
         tuple((f.name_in(i), f.numel_in(i)) for i in range(f.n_in())),
         tuple((f.name_out(i), f.numel_out(i)) for i in range(f.n_out())),
     )
 
 
+def refuse_unknown(f: ca.Function) -> None:
+    """Raise KernelError where a function uses an operation that cannot be compiled."""
+    for code in sorted({f.instruction_id(k) for k in range(f.n_instructions())} - _KNOWN):
+        raise KernelError(
+            f"Function '{f.name()}' uses the operation {_name_of(code)}, which cannot be compiled."
+        )
+
+
 def trace(f: ca.Function) -> Program:
     """Walk the instructions of `f` once and return them as a program.
 
-    Raises KernelError as `signature` does.
+    Raises KernelError as `signature` and `refuse_unknown` do.
     """
     inputs, outputs = signature(f)
     input_slots = _dense_slots([f.sparsity_in(i) for i in range(f.n_in())])
@@ -148,8 +150,10 @@ def trace(f: ca.Function) -> Program:
             work[targets[0]] = emit("const", value=f.instruction_constant(k))
         elif code in _NAMES:
             work[targets[0]] = emit(_NAMES[code], *(work[i] for i in operands))
-        else:
+        elif code in _SPELLED:
             work[targets[0]] = _SPELLED[code](emit, [work[i] for i in operands])
+        else:
+            refuse_unknown(f)
     return Program(f.name(), inputs, outputs, tuple(nodes), tuple(results))
 
 

@@ -28,7 +28,7 @@ from linkwork.equations.chart import Chart, faced
 from linkwork.equations.chart_choice import DETERMINED, relative_pivots, strengths
 from linkwork.equations.uncharted import uncharted
 from linkwork.errors import LinkworkError
-from linkwork.kernels import PAYS, Kernel, compile_function
+from linkwork.kernels import PAYS, Kernel
 from linkwork.kernels.bound import BoundFunction
 from linkwork.mechanism.bearing import bearings
 from linkwork.model.chart_tables import jacobian, tabled
@@ -105,7 +105,7 @@ class CompiledChart:
             if key not in self._kernels:
                 made = make(self.equations)
                 if not isinstance(made, Kernel):
-                    made = compile_function(made, patient=lambda: (self._of or self.shared).large)
+                    made = Kernel(made, patient=lambda: (self._of or self.shared).large)
                 self._kernels[key] = made
             return self._kernels[key]
 
