@@ -11,6 +11,7 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from linkwork.checks import MOST, count, finite, fraction, positive, shown
 from linkwork.errors import LinkworkError
@@ -24,10 +25,19 @@ TIGHT = 1e-6  # relative tolerance from which on the method of order 7 pays
 
 def settings_of(**values: Any) -> Settings:
     """Return settings: those that were made before, where the same was asked for lately."""
+    times = values.get("save_at")
     try:
-        return _kept(**values)
+        if times is None or values.get("samples") is not None:
+            return _kept(**values)
+        found = _kept(**values | {"save_at": None})
     except TypeError:  # a list or an array among them
         return Settings(**values)
+    return found.but(save_at=asked_times(times))
+
+
+def asked_times(times: ArrayLike) -> np.ndarray:
+    """Return the times to save; refuse what is not finite."""
+    return np.atleast_1d(finite(times, "save_at"))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -81,7 +91,7 @@ class Settings:
         own["max_step"], own["max_steps"] = float(self.max_step), most
         own["integrator"] = method
         if self.save_at is not None:
-            own["save_at"] = np.atleast_1d(finite(self.save_at, "save_at"))
+            own["save_at"] = asked_times(self.save_at)
         if self.samples is not None:
             if self.save_at is not None:
                 raise LinkworkError("save_at and samples are both given; keep one of them")
