@@ -56,7 +56,7 @@ WINGS = {
     "fewer operations": ("fused", "hinge_axes", "regrouping", "simplify", "turned_inertia"),
     "sines and cosines": ("angles", "elementary"),
     "stacks of states": ("dense", "stacks", "stored_states", "transposed"),
-    "calls from Python": ("directly", "from_python"),
+    "calls from Python": ("directly", "fastcall", "from_python"),
     "machine code, read and counted": ("listing",),
     "compiled by Numba": ("compiled", "pointers", "structures"),
     "kept and sent": ("cache", "derivations", "pickled"),
