@@ -46,7 +46,7 @@ class JointMap:
             return self.tree.q[self.tree.places[label]]
         cut = self._cut(label)
         names = self.mechanism.joints[cut.joint].coordinates(cut.joint)
-        return self._read(
+        return self.once(
             f"{cut.joint}: positions",
             lambda: zip(names, cut_coordinates.positions(cut), strict=True),
         )[label] + self.turns.get(label, 0.0)
@@ -55,7 +55,7 @@ class JointMap:
         """Return the row (1 x nv) of a joint rate, or of that of a transmission's length."""
         if label in self.mechanism.transmissions:
             line = self.along(label)
-            return self._read(
+            return self.once(
                 f"{label}: row", lambda: [(label, line.row(self.tree, self.rate_row))]
             )[label]
         if label in self.tree.rate_places:
@@ -64,7 +64,7 @@ class JointMap:
             return row
         cut = self._cut(label)
         names = self.mechanism.joints[cut.joint].rates(cut.joint)
-        rows = self._read(
+        rows = self.once(
             f"{cut.joint}: rates",
             lambda: zip(
                 names, ca.vertsplit(cut_coordinates.rate_rows(self.tree, cut)), strict=True
@@ -76,7 +76,7 @@ class JointMap:
         """Return a transmission by name."""
         line = self.mechanism.transmissions[name]
         key = f"{name}: along, {tuple(self.turns.items())}"
-        return self._read(key, lambda: [(name, along(line, self.tree, self.position))])[name]
+        return self.once(key, lambda: [(name, along(line, self.tree, self.position))])[name]
 
     def positions(self) -> ca.SX:
         """Return the coordinates of all joints, in the order of `mechanism.coordinates`."""
@@ -100,7 +100,8 @@ class JointMap:
     def _by_joint(self) -> dict[str, Cut]:
         return {cut.joint: cut for cut in self.cuts}
 
-    def _read(self, key: str, derive: Callable[[], Iterable[tuple[str, Any]]]) -> dict[str, Any]:
+    def once(self, key: str, derive: Callable[[], Iterable[tuple[str, Any]]]) -> dict[str, Any]:
+        """Return by name what is derived of these joints under a key, the first time only."""
         if key not in self._cache:
             self._cache[key] = dict(derive())
         return self._cache[key]

@@ -194,7 +194,13 @@ def given(joints: JointMap) -> np.ndarray:
 
 
 def differences(joints: JointMap) -> tuple[ca.SX, list[bool]]:
-    """Return r, and of each of its numbers whether it is an angle that goes round."""
+    """Return r, and of each of its numbers whether it is an angle that goes round; derived once."""
+    key = f"differences, {tuple(joints.turns.items())}"
+    return joints.once(key, lambda: [(key, from_reference(joints))])[key]
+
+
+def from_reference(joints: JointMap) -> tuple[ca.SX, list[bool]]:
+    """Return the same, derived anew."""
     mechanism, tree, values = joints.mechanism, joints.tree, described(joints.mechanism)
     lengths, r, periodic = slides(mechanism), [], []
     for name, joint in mechanism.pairs.items():
