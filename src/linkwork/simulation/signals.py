@@ -247,13 +247,8 @@ def _shifted(signal: Signal, knots: np.ndarray) -> np.ndarray:
     piece, d = signal._locate(knots)
     c_0, c_1, c_2, c_3 = np.moveaxis(signal.coefficients[piece], -2, 0)
     d = d[:, None]
-    shifted = [
-        c_0 + d * (c_1 + d * (c_2 + d * c_3)),
-        c_1 + d * (2 * c_2 + d * 3 * c_3),
-        c_2 + 3 * d * c_3,
-        c_3,
-    ]
-    return np.stack(shifted, axis=1)
+    value, slope = c_0 + d * (c_1 + d * (c_2 + d * c_3)), c_1 + d * (2 * c_2 + d * 3 * c_3)
+    return np.stack([value, slope, c_2 + 3 * d * c_3, c_3], axis=1)
 
 
 def _from_zero(powers: list[np.ndarray]) -> Signal:
