@@ -111,21 +111,24 @@ class MuJoCoSide:
 
 
 def without(spec: Any, meshes: bool) -> Any:
-    """Return a model of MuJoCo without pictures and skins, whose files may not be there, or without
-    all that is of files."""
+    """Return a model of MuJoCo without pictures and skins, and without meshes whose files are not
+    there, or without all that is of files."""
     import mujoco as mj
 
+    folder = Path(spec.modelfiledir) / (spec.compiler.meshdir or "")
+    gone = [mesh for mesh in spec.meshes if meshes or not (folder / (mesh.file or "")).exists()]
+    names = {mesh.name or Path(mesh.file).stem for mesh in gone}
     needing = (mj.mjtGeom.mjGEOM_MESH, mj.mjtGeom.mjGEOM_SDF, mj.mjtGeom.mjGEOM_HFIELD)
     for part in [*spec.pairs, *spec.excludes, *spec.sensors]:
         spec.delete(part)
     for geom in list(spec.geoms):
         geom.material = ""
-        if meshes and geom.type in needing:
+        if geom.meshname in names or (meshes and geom.type in needing):
             spec.delete(geom)
     for site in (*spec.sites, *spec.tendons):
         site.material = ""
     drawn = [*spec.skins, *spec.materials, *spec.textures]
-    for part in [*drawn, *(spec.meshes if meshes else ()), *(spec.hfields if meshes else ())]:
+    for part in [*drawn, *gone, *(spec.hfields if meshes else ())]:
         spec.delete(part)
     return spec
 
