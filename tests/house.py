@@ -104,7 +104,7 @@ WINGS = {
     "resuming": ("resuming",),
     "accounts of runs": (
         *("accuracy", "endings", "fault_sources", "run_record", "runs/quantities", "saved_states"),
-        *("stiff_sources", "work"),
+        *("stiff_sources", "stiff_trial", "work"),
         "not_finite",
     ),
     "datasets and files": ("awaited", "run_files", "variables"),

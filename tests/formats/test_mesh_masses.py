@@ -180,3 +180,27 @@ def test_meshes_that_cannot_be_weighed_are_told(tmp_path, asset, words):
     (told,) = (note for note in imported.notes if "whose mass is left out" in note)
     assert told.startswith("model.xml, line 2: <geom> is a mesh, whose mass is left out: ")
     assert words in told and told in imported.mechanism.caveats
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("moved", [0, 3])
+@pytest.mark.parametrize("corners", [4, 5, 7, 12, 101])
+def test_polygons_that_are_not_flat_are_cut_as_mujoco_cuts_them(tmp_path, corners, moved, seed):
+    write_drum(tmp_path / "drum.obj", corners, moved, seed)
+    compared(model(tmp_path, GEOM, '<mesh name="x" file="drum.obj"/>'), near=1e-9)
+
+
+def write_drum(path, corners, moved, seed):
+    """Write a drum whose two ends are polygons that are not flat, with a dent from five corners on,
+    in numbers that single precision holds."""
+    turns = 2 * np.pi * np.arange(corners) / corners
+    radii = np.where(np.arange(corners) == 3, 0.25 if corners > 4 else 0.5, 1.0)
+    heights = np.random.default_rng(seed).normal(size=(2, corners)) / 8 + [[0], [1]]
+    rim = np.transpose([radii * np.cos(turns), radii * np.sin(turns)])
+    points = np.concatenate([np.column_stack([rim, heights[k]]) for k in (0, 1)])
+    lines = [f"v {x} {y} {z}" for x, y, z in np.round(64 * (points + moved)) / 64]
+    below = np.arange(1, corners + 1)
+    above, after = below + corners, np.roll(below, -1)
+    sides = np.transpose([below, after, after + corners, above])
+    faces = [above, below[::-1], *sides]
+    path.write_text("\n".join([*lines, *("f " + " ".join(map(str, face)) for face in faces)]))

@@ -97,13 +97,11 @@ def spinning(
         N = tree.rate_units[:, None] * free_motions(Phi)
         t, motions = np.array(twists(q, N)[0]).reshape(len(mechanism.bodies), 6, -1), N.shape[1]
         t[:, 3:] /= tree.length
-        # Few chains can move while all else is still: the others are not looked at one by one.
-        shares = np.linalg.qr(t.reshape(-1, N.shape[1]))[0].reshape(*t.shape[:2], -1)
+        # Few chains can move while all else is still, and in few motions: those are looked at.
+        basis, R = np.linalg.qr(t.reshape(-1, N.shape[1]))
+        shares, back = basis.reshape(*t.shape[:2], -1), np.linalg.pinv(R)
         places = {chain: [order(body) for body in chain] for chain in found}
-        turns = {
-            chain: alone(t, own) if largest(shares[own]) > NEARLY else None
-            for chain, own in places.items()
-        }
+        turns = {chain: alone(t, own, within(shares[own], back)) for chain, own in places.items()}
         found = {
             chain: [*found[chain], N @ turn] for chain, turn in turns.items() if turn is not None
         }
@@ -128,31 +126,34 @@ def twist(node: Node, omega: list[ca.SX], v: list[ca.SX]) -> ca.SX:
     return ca.vertcat(turn, slide - cross(turn, node.O))
 
 
-def largest(shares: np.ndarray) -> float:
-    """Return the largest share, from 0 to 1, that some bodies (b) have in any one motion.
+def within(shares: np.ndarray, back: np.ndarray) -> np.ndarray:
+    """Return the motions (n x k) that are all but wholly in some bodies (b).
 
-    shares: their rows (b x 6 x n) of an orthonormal basis of all bodies' motions
+    Args:
+        shares: the bodies' rows (b x 6 x n) of an orthonormal basis of all bodies' motions; back:
+            combines the motions to that basis (n x n).
     """
-    sizes = np.linalg.svd(shares.reshape(-1, shares.shape[2]), compute_uv=False)
-    return float(sizes.max(initial=0.0))
+    _, sizes, rows = np.linalg.svd(shares.reshape(-1, shares.shape[2]), full_matrices=False)
+    return back @ rows[sizes > NEARLY].T
 
 
-def alone(twists: np.ndarray, own: list[int]) -> np.ndarray | None:
+def alone(twists: np.ndarray, own: list[int], motions: np.ndarray) -> np.ndarray | None:
     """Return the motion (n) in which some bodies turn as one and all others stay still; None unless
     there is one alone.
 
     Args:
-        twists: of all bodies (r x 6 x n) in n motions; own: places of the bodies that turn.
+        twists: of all bodies (r x 6 x n) in n motions; own: places of the bodies that turn;
+            motions: those of the n, combined (n x k), that may be it.
     """
-    n = twists.shape[2]
-    still = np.concatenate([twists[own] - twists[own[0]], np.delete(twists, own, axis=0)]).reshape(
-        -1, n
-    )
-    _, sizes, rows = np.linalg.svd(np.linalg.qr(still, mode="r"))
-    if np.sum(sizes <= STILL * np.linalg.norm(twists)) != 1:
+    if not motions.size:
         return None
-    omega = twists[own[0], :3] @ rows[-1]
-    return rows[-1] if np.linalg.norm(omega) > STILL * np.linalg.norm(twists) else None
+    told = twists @ motions
+    still = np.concatenate([told[own] - told[own[0]], np.delete(told, own, axis=0)])
+    _, sizes, rows = np.linalg.svd(still.reshape(-1, told.shape[2]), full_matrices=False)
+    turn, least = motions @ rows[-1], STILL * np.linalg.norm(told)
+    if np.sum(sizes <= least) != 1 or np.linalg.norm(told[own[0], :3] @ rows[-1]) <= least:
+        return None
+    return turn / np.linalg.norm(turn)
 
 
 def moves(

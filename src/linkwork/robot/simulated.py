@@ -66,7 +66,8 @@ class Simulated(Dynamics):
                 tightest tolerances), "rodas" (for stiff systems); with a fixed step "rk4",
                 "symplectic_euler". If left out: "sharp_smart" for rtol <= 1e-6 without sampled
                 forces or controllers, whose kinks "dormand_prince" bears better; and "rodas" from
-                where the run is stiff, as where dry friction brings bodies to rest.
+                where the run is stiff, as where dry friction brings bodies to rest, and where its
+                steps pay.
             step: of the methods with a fixed step [s]; they see their inputs at their own times
                 only, other methods step over nothing that varies in them.
             events: to watch for (`linkwork.control.Event`); "limits" and "singular": the run ends

@@ -25,6 +25,7 @@ from linkwork.patience import Kept
 from linkwork.runs.crossing import Crossed, Crossing
 from linkwork.runs.next_chart import LOWER, Choice, choice, lowered_bounds
 from linkwork.runs.settings import Settings
+from linkwork.runs.stiff_trial import Trial
 from linkwork.runs.system import System, with_jacobian
 from linkwork.simulation import (
     RODAS,
@@ -113,6 +114,7 @@ class Stand(NamedTuple):
     method: of integration; over: the singular pose that was stepped over to come here
     pace: the steps to go on with, where the last segment ended as its portion was full
     first_step: to go on with, in another chart; guessed if left out
+    trial: of stiff steps in place of explicit ones
     """
 
     chart: CompiledChart
@@ -129,6 +131,7 @@ class Stand(NamedTuple):
     pace: Pace | None = None
     first_step: float | None = None
     since: float | None = None
+    trial: Trial = Trial()
 
     @property
     def looked(self) -> float:
@@ -235,12 +238,12 @@ class Passage:
             over=None, pace=None, first_step=None, since=None,
         )  # fmt: skip
         if done.status is Status.TOO_MANY_STEPS and steps > 0 and not self.system.faults:
-            return here._replace(pace=done.pace)
+            return here._replace(**stand.trial.onward(done, self.settings.integrator))
         # A short segment under a lowered bound is over; or a stiff one, which goes on by RODAS.
         if done.status is Status.FINISHED:
             return self._looked(here)
         if done.status is Status.STIFF:
-            return here._replace(method=RODAS, steps=max(steps, 1))
+            return here._replace(method=RODAS, steps=max(steps, 1), trial=Trial(done.next_step))
         if done.status is not Status.SINGULAR or steps < 1:
             return None
         # The pivots are weak: the better chart there is taken, if it tells the same motion; near a
@@ -316,10 +319,11 @@ class Passage:
     ) -> Trajectory:
         chart, t, settings = stand.chart, stand.t, self.settings
         first = t == self.start and stand.method is settings.integrator
-        steps = min(stand.steps, portion(stand.q.size))
+        steps = stand.trial.portion(min(stand.steps, portion(stand.q.size)))
         pace = stand.pace or (self.pace if first else None) or stand.first_step
         going_on = stand.bound, steps, save_at, pace, stand.control, stand.turns
         y, problem = np.concatenate((stand.q, stand.v)), self.problem(chart, stand.method, inputs)
+        problem = problem._replace(leave_stiff=problem.leave_stiff and not stand.trial.waits)
         return advanced(problem, y, TimeSpan(stand.q.size, t, end, *going_on))
 
     def problem(self, chart: CompiledChart, method: Method, inputs: Signal) -> Problem:

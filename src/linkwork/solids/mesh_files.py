@@ -9,6 +9,7 @@ Source: MuJoCo's documentation, https://mujoco.readthedocs.io (asset/mesh, MSH).
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
@@ -17,11 +18,13 @@ import numpy as np
 
 from linkwork.errors import LinkworkError
 from linkwork.solids.collada import read_collada
+from linkwork.solids.polygons import in_triangles
 from linkwork.solids.triangles import Triangles, hull_of
 
 SUFFIXES = (".stl", ".obj", ".msh", ".ply", ".off", ".glb", ".gltf", ".dae")
 LARGEST = 200_000_000  # bytes
 KEPT = 64  # meshes in memory
+POLYGON = re.compile(rb"^[ \t]*f([ \t]+\S+){4}", re.MULTILINE)  # of an OBJ file
 GROUPS = (b"g", b"o")  # keywords with which a group of an OBJ file begins
 
 
@@ -30,7 +33,8 @@ def read_mesh(path: Path, first_group: bool = False) -> Triangles:
     has points only is their convex hull.
 
     Args:
-        first_group: of an OBJ file with several groups or objects only the first, as MuJoCo does.
+        first_group: of an OBJ file with several groups or objects only the first, as MuJoCo does,
+            and polygons in the triangles that it cuts them into.
 
     Raises:
         LinkworkError: half a sentence about the file, such as "is not there".
@@ -59,6 +63,7 @@ def _kept(path: Path, first_group: bool, changed: int, size: int) -> Triangles:
     content = path.read_bytes()
     if suffix == ".obj" and first_group:
         content = of_first_group(content)
+        content = in_triangles(content) if POLYGON.search(content) else content
     if suffix == ".dae":
         vertices, faces = read_collada(content)
     else:
