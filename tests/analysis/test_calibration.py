@@ -427,6 +427,10 @@ REFUSALS = {
         "the deviation of position",
     ),
     "one state": (lambda r, s: (r, analysis.MeasuredPoses(r.home, np.zeros((1, 3)))), "no stack"),
+    "no states": (
+        lambda r, s: (r, analysis.MeasuredPoses(r.state(s.positions[:0]), np.zeros((0, 3)))),
+        "no stack",
+    ),
     "too few poses": (
         lambda r, s: (r, analysis.MeasuredPoses(r.state(s.positions[:1]), np.zeros((1, 3)))),
         None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -10,9 +11,10 @@ import pytest
 import linkwork as lw
 from linkwork import design
 from linkwork.design.choices import choices
+from linkwork.model.assembly import UnreachableError
 
 from tests.analysis.mechanisms import arm
-from tests.catalogue import built
+from tests.catalogue import WHOLE, built
 from tests.robot.mixed_freedoms import three_legs
 
 LINKS = ("wrist_*.frames.0.position.x", "link_*.com.x")
@@ -69,6 +71,60 @@ def test_a_drive_gets_as_stiff_as_masses_allow():
     )
     assert found.active == ("cart.mass",)
     assert found.after == pytest.approx(np.sqrt(800 / 1.5) / (2 * np.pi), rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["orthoglide", *["rrs3"] * WHOLE])
+def test_frequencies_that_are_lowest_together_are_raised_together(name):
+    """Symmetric robots have two or three lowest ones."""
+    robot = built(name).free("platform.mass")
+    home = robot.tool_pose(robot.home)[: 3 if name == "orthoglide" else 6]
+    stiff = design.Frequency(home, dict.fromkeys(robot.actuators, 1e3))
+    mass = robot.parameters["platform.mass"]
+    found = design.optimise(robot, {"platform.mass": (0.6 * mass, 2 * mass)}, stiff)
+    lighter = robot.with_parameters({"platform.mass": 0.6 * mass})
+    assert found.active == ("platform.mass",)
+    assert found.after == pytest.approx(stiff.value(lighter), rel=1e-6)
+    assert found.after > 1.05 * found.before
+
+
+def test_frequencies_that_become_lowest_together():
+    """An upright 3-PRR: where links and masses are best two frequencies are one, and a scan around
+    finds nothing better."""
+    robot = built("prr3")
+    x, y, _ = robot.tool_pose(robot.home)
+    stiff = design.Frequency([[x, y, 0.0]], dict.fromkeys(robot.actuators, 1e4))
+    numbers = {LINKS: (0.8, 1.5), CORNERS: (0.6, 1.5), "platform.mass": (1.0, 2.0)}
+    found = design.optimise(robot, numbers, stiff)
+    assert found.after > 1.15 * found.before and found.stationarity < 1e-7
+    assert not better_beside(robot, numbers, stiff, found, 0.02)
+
+
+def test_poses_that_come_to_lie_on_other_branches_are_taken_up_again():
+    """The same measure over a workspace: IPOPT alone ends on another branch of some pose."""
+    robot = built("prr3")
+    steps = np.meshgrid([-0.03, 0, 0.03], [-0.03, 0, 0.03], [-0.1, 0, 0.1])
+    poses = robot.tool_pose(robot.home) + np.stack(steps, axis=-1).reshape(-1, 3)
+    stiff = design.Frequency(poses, dict.fromkeys(robot.actuators, 1e4))
+    numbers = {LINKS: (0.8, 1.5), CORNERS: (0.6, 1.5), "platform.mass": (1.0, 2.0)}
+    found = design.optimise(robot, numbers, stiff)
+    assert found.after > 2.2 * found.before
+    assert found.active == (CORNERS, "platform.mass")
+    assert not better_beside(robot, numbers, stiff, found, 0.003)
+
+
+def better_beside(robot, numbers, measure, found, step):
+    """Return the values of designs beside one that is found which are better, of those that reach
+    all poses: legs are nearly stretched there."""
+    own, start = choices(robot, numbers), np.array([*found.chosen.values()])
+    beside = start + step * np.random.default_rng(0).uniform(-1, 1, (24, len(start)))
+    better, reaching = [], 0
+    for z in np.clip(beside, own.lower, own.upper):
+        with suppress(UnreachableError):
+            value = measure.value(own.robot.with_parameters(own.values(z)))
+            reaching += 1
+            better += [value] * (value > found.after * (1 + 1e-9))
+    assert reaching >= 8
+    return better
 
 
 def test_what_points_is_judged_by_where_it_points():
@@ -173,6 +229,8 @@ def test_bad_input_is_refused():
         (({number: (0.7, 1.3)}, alike, {alike: 0.99}), "from this start none keeps all"),
         (({"rod_2.mass": (0.5, 2)}, alike), "nothing that is measured depends on 'rod_2.mass'"),
         (({number: (0.7, 1.3)}, design.Frequency([[1, 0.5]])), "nothing holds the robot"),
+        (({number: (0.7, 1.3)}, design.Frequency([[1, 1]], 1e4)), "give it by joint, such as"),  # pyright: ignore
+        (({(): (0.7, 1.3)}, alike), r"\(\) names no number"),
         (({number: (0.7, 1.3)}, design.Isotropy([[3.0, 0.0]])), "with the tool at"),
         (({number: (0.7, 1.3)}, design.Frequency([[1, 1]], {"hinge_9": 1.0})), "hinge_9"),
         (({number: (0.7, 1.3)}, design.Isotropy(np.zeros((0, 2)))), "the poses are none"),
@@ -180,6 +238,9 @@ def test_bad_input_is_refused():
     for given, sentence in cases:
         with pytest.raises(lw.LinkworkError, match=sentence):
             design.optimise(robot, *given)
+    for measure in (alike, design.PeakForce(lw.paths.line([0.6, 0], [0.9, 0]), 1.0)):
+        with pytest.raises(lw.LinkworkError, match=r"the robot is 'arm'; give a link"):
+            measure.value("arm")  # pyright: ignore
     with pytest.raises(lw.LinkworkError, match="give 3 or more"):
         design.PeakForce(lw.paths.line([0.6, 0], [0.9, 0]), 1.0, samples=2)
     with pytest.raises(lw.LinkworkError, match=r"^the path is 'line'; give one made by"):

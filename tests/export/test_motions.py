@@ -176,6 +176,15 @@ def test_steps_do_not_pass_over_where_branches_meet(make, rate, duration, tmp_pa
         assert status == SINGULAR and ends.time[-1] - dt < moving.t < ends.time[-1]
 
 
+def test_steps_go_on_close_by_a_singular_pose(tmp_path):
+    """Where the smallest singular value of the constraints is 0.4 % of that at home, as a run."""
+    robot = built("rrs3")
+    start, u = robot.home.with_rates([-0.474, 0.99, -0.264]), [2.521, -0.894, 0.591]
+    expected = robot.simulate(start, u, duration=0.41, rtol=1e-10, atol=1e-12).final
+    moving = run(library(robot, tmp_path, STEPS), robot, start, u, 0.01, 41, 1e-9, 1e-11)
+    np.testing.assert_allclose(moving.q, expected.q, atol=1e-5)
+
+
 def test_steps_that_cannot_be_made_say_why(tmp_path):
     robot = built("five_bar")
     own, nothing = library(robot, tmp_path, STEPS), np.zeros(2)

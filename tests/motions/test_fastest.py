@@ -238,6 +238,9 @@ def test_limits_hold_along_the_whole_motion_and_one_of_them_is_reached():
     assert np.abs(motion.rates[[0, -1]]).max() < 1e-9
 
 
+NEAR = [[0.15, 0.445], [0.16, 0.45], [0.151, 0.44], [0.155, 0.455]]  # turned sharply through
+
+
 @pytest.mark.parametrize(
     ("name", "path", "limits"),
     [
@@ -245,6 +248,7 @@ def test_limits_hold_along_the_whole_motion_and_one_of_them_is_reached():
         ("prr3", WAYS["circle"], {"force": 5.0, "speed": 0.5, "power": 1.0}),
         ("delta", paths.line([-0.3, -0.1, -0.9], [0.3, 0.2, -0.8]), {"force": 40.0}),
         ("delta", CORNERED, {"force": 40.0}),
+        ("five_bar", paths.through(NEAR), {"force": 9.2, "power": 0.486}),
     ],
 )
 def test_no_limit_is_passed_between_the_points_of_the_grid(name, path, limits):

@@ -327,8 +327,8 @@ def readings_of(robot: Robot, states: State) -> tuple[np.ndarray, np.ndarray]:
         raise LinkworkError(
             f"the states are {shown(states)}; give a stack of states, as robot.assemble makes"
         )
-    q = finite(robot.state(states.positions).q, "the states")
-    if q.ndim != 2:
+    if states.positions.ndim != 2 or not len(states.positions):
         raise LinkworkError("the states are no stack (N) of states; give one for each sample")
+    q = finite(robot.state(states.positions).q, "the states")
     refuse_without_coordinate(robot)
     return q, actuated_coordinates(robot, q)

@@ -6,7 +6,8 @@
 
 The configurations are unknowns of their own, so that loops are closed by constraints and all
 derivatives, second ones too, are exact (CasADi); IPOPT finds a local optimum. What it finds is
-measured by the robot itself, with its numbers: poses led to from home on its own branch.
+measured by the robot itself, with its numbers: poses led to from home on its own branch, in which
+IPOPT begins again where it found others.
 
 Source: of loops as constraints, Haug & Arora, Applied Optimal Design, 1979, sec. 2.
 """
@@ -15,8 +16,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -29,7 +30,7 @@ from linkwork.ipopt import LocalOptimum, Programme
 from linkwork.patience import announced
 from linkwork.robot import Robot
 
-STEPS = 500
+STEPS, BEGINNINGS = 500, 4
 SAME = 1e-5  # part by which the robot's own measure may differ from what was found
 PASSED = 0.01  # part by which it may be worse between samples without a warning
 AT_BOUND = 1e-6  # part of the way between its bounds at which a choice is at one
@@ -127,29 +128,57 @@ def optimise(
     }
     chosen = choices(robot, numbers)
     before = {measure: measure.value(chosen.robot) for measure in (objective, *bounds)}
-    found, parts = solved(chosen, objective, before[objective], bounds)
-    # The robot itself tells what it is worth.
-    z = chosen.lower + chosen.width * parts
-    values = chosen.values(z)
-    better = chosen.robot.with_parameters(values)
-    after = {measure: told(measure, better) for measure in (objective, *bounds)}
-    level = -found.value * objective.better * scale_of(before[objective])
-    refuse_elsewhere(objective, level, after[objective])
+    # What the robot itself is worth at the optimum.
+    found = settled(chosen, objective, before[objective], bounds)
+    better, after = found.robot, found.after
     for measure, value in after.items():
         warn_of_between(measure, better, value)
-    at_ends = np.minimum(parts, 1 - parts) < AT_BOUND
+    at_ends = np.minimum(found.parts, 1 - found.parts) < AT_BOUND
     return OptimalDesign(
         better,
-        dict(zip(chosen.names, z.tolist(), strict=True)),
-        values,
+        dict(zip(chosen.names, chosen.at(found.parts).tolist(), strict=True)),
+        chosen.values(chosen.at(found.parts)),
         objective,
         before[objective],
         after[objective],
         {each: (bound, before[each], after[each]) for each, bound in bounds.items()},
         tuple(name for name, end in zip(chosen.names, at_ends, strict=True) if end),
         found.steps,
-        found.stationarity,
+        found.optimum.stationarity,
     )
+
+
+class Settled(NamedTuple):
+    """Hold a local optimum, the choices as parts of the ways between their bounds, the robot with
+    them, its own measures, and the steps that led there."""
+
+    optimum: LocalOptimum
+    parts: np.ndarray
+    robot: Robot
+    after: dict[Measure, float]
+    steps: int
+
+
+def settled(
+    chosen: Choices, objective: Measure, start: float, bounds: Mapping[Measure, float]
+) -> Settled:
+    """Return the local optimum that the robot itself tells, too.
+
+    On its way IPOPT opens the loops, and may close them on other branches. Then it begins again, at
+    the numbers that it found, in the configurations that the robot takes with them.
+    """
+    steps, elsewhere = 0, ""
+    for _ in range(BEGINNINGS):
+        optimum, parts = solved(chosen, objective, start, bounds)
+        z = chosen.at(parts)
+        robot = chosen.robot.with_parameters(chosen.values(z))
+        after = {measure: told(measure, robot) for measure in (objective, *bounds)}
+        level = -optimum.value * objective.better * scale_of(start)
+        elsewhere, steps = told_elsewhere(objective, level, bounds, after), steps + optimum.steps
+        if not elsewhere:
+            return Settled(optimum, parts, robot, after, steps)
+        chosen, start = replace(chosen, robot=robot, start=z), after[objective]
+    raise LinkworkError(elsewhere)
 
 
 def solved(
@@ -227,11 +256,22 @@ def warn_of_between(measure: Measure, robot: Robot, value: float) -> None:
         )
 
 
-def refuse_elsewhere(measure: Measure, level: float, after: float) -> None:
-    """Refuse an optimum whose configurations are not those that the robot takes."""
-    if not abs(level - after) <= SAME * max(abs(level), abs(after)):
-        raise LinkworkError(
-            f"what IPOPT finds is no design: {type(measure).__name__} {level:.6g} is that of poses "
-            f"on other branches, where the robot from its home has {after:.6g}; give narrower "
-            "bounds"
-        )
+def told_elsewhere(
+    objective: Measure,
+    level: float,
+    bounds: Mapping[Measure, float],
+    after: Mapping[Measure, float],
+) -> str:
+    """Say which measure is that of configurations that the robot does not take: a level that is not
+    its own, or a bound that it does not keep; nothing if none is."""
+    missed = [(objective, level, abs(level - after[objective]))]
+    missed += [(each, bound, (bound - after[each]) * each.better) for each, bound in bounds.items()]
+    for measure, asked, lacking in missed:
+        own = after[measure]
+        if not lacking <= SAME * max(abs(asked), abs(own)):
+            return (
+                f"what IPOPT finds is no design: {type(measure).__name__} {asked:.6g} is that of "
+                f"poses on other branches, where the robot from its home has {own:.6g}; give "
+                "narrower bounds"
+            )
+    return ""

@@ -40,6 +40,10 @@ class Choices:
     def width(self) -> np.ndarray:
         return self.upper - self.lower
 
+    def at(self, parts: np.ndarray) -> np.ndarray:
+        """Return z at parts of the way from its lower to its upper bounds."""
+        return self.lower + self.width * parts
+
     def parameters(self, part: ca.MX) -> ca.MX:
         """Return p for choices given as parts of the way from their lower to their upper bounds."""
         z = ca.DM(self.lower) + ca.DM(self.width) * part
@@ -60,6 +64,8 @@ def choices(robot: Robot, numbers: Mapping[Any, tuple[float, float]]) -> Choices
             "{'platform.mass': (0.5, 2.0)}"
         )
     # Groups of places in the description, each of which is named once.
+    if () in numbers:
+        raise LinkworkError("() names no number; give a path, a pattern, or a tuple of them")
     groups = [(name_of(key), all_paths(robot, key)) for key in numbers]
     free = {located(robot.mechanism, path)[0]: path for path in robot.parameters}
     taken: dict[tuple[str, ...], str] = {}

@@ -6,10 +6,12 @@
 
 Each is written at every pose with the configuration q as an unknown of its own, whose equations are
 closed loops and the tool at its pose. `margins` are not negative where the measure is no worse than
-a level t:  K - (2 pi t)^2 M is positive definite where the pivots of its elimination are positive.
+a level t. No frequency is lower where  K - (2 pi t)^2 M = F F'  with a triangle F of unknowns with
+no negative diagonal: an equation that is smooth where several frequencies are lowest together.
 
 Source: Gosselin & Angeles, J. Mech. Design 113 (1991) 220-226, with Frobenius' norm, which is
-smooth where singular values meet.
+smooth where singular values meet; Burer, Monteiro & Zhang, Mathematical Programming 93 (2002)
+97-122 (F of semidefinite programmes).
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import pi
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -40,6 +42,7 @@ from linkwork.paths import Path
 from linkwork.robot import Robot, State
 
 FEWEST, FINER = 3, 10  # samples of a path; parts of each step at which it is looked at again
+WITHIN = 0.01  # square of a frequency over the lowest one, by which the search begins within bounds
 LOOSE = 1e-3  # frequency [Hz] that rounding may make of none
 
 
@@ -151,6 +154,7 @@ class PeakForce(Measure):
 
         robot: which is led.
         """
+        checks.needed(robot, Robot)
         if len({robot.unit(name) for name in robot.actuators}) > 1:
             raise LinkworkError(
                 "some actuators turn and others slide, whose largest force is not one number; "
@@ -162,7 +166,8 @@ class PeakForce(Measure):
         return self.motion(robot).state
 
     def value(self, robot: Robot) -> float:
-        return float(np.abs(robot.inverse_dynamics(self.motion(robot)).values).max())
+        motion = self.motion(robot)
+        return float(np.abs(robot.inverse_dynamics(motion).values).max())
 
     def points(self, robot: Robot, functions: CasadiFunctions) -> JudgedPoses:
         of = PoseEquations.of(robot)
@@ -239,11 +244,23 @@ class Frequency(Measure):
         L = functions["rate_map"](q, p)[0][rows, :]
         M = functions["mass_matrix"](q, p)[0]
         K = (K + K.T) / 2 + L.T @ ca.diag(ca.DM(values)) @ L
-        # The same in units in which the pivots of M are near one.
-        units = np.sqrt(np.diag(robot.mass_matrix(robot.home)))
-        scaled = ca.diag(1 / ca.DM(units)) @ (K - (2 * pi * t) ** 2 * M) @ ca.diag(1 / ca.DM(units))
-        size = (2 * pi * self._held(robot)) ** 2
-        return of.judged(self.states(robot), pivots(scaled / size))
+        # What is positive, in units in which M is near one, along axes of its own as the robot is:
+        # the stiffest first, so that what vanishes stands last in the triangle.
+        level, n = self._held(robot), robot.mobility
+        units = ca.DM(2 * pi * level * np.sqrt(np.diag(robot.mass_matrix(robot.home))))
+        A = ca.densify(ca.diag(1 / units) @ (K - (2 * pi * t) ** 2 * M) @ ca.diag(1 / units))
+        states, own = self.states(robot), ca.Function("own", [q, p, t], [A])
+        now = np.array([own(each, robot.p, level).full() for each in states.q])
+        values, vectors = (part[..., ::-1] for part in np.linalg.eigh(now))
+        V, F = ca.SX.sym("V", n, n), ca.SX.sym("F", ca.Sparsity.lower(n))
+        begun = np.sqrt(np.maximum(values, WITHIN))[..., None] * np.eye(n)
+        return of.judged(
+            states,
+            ca.diag(F),
+            in_column(V.T @ A @ V - F @ F.T),
+            unknown=[(in_column(F), np.hstack([in_column(ca.DM(each)).full() for each in begun]))],
+            known=[(ca.vec(V), vectors.swapaxes(1, 2).reshape(len(now), -1).T)],
+        )
 
     def _held(self, robot: Robot) -> float:
         """Return the value of a robot that is held; refuse one that is loose or falls."""
@@ -257,6 +274,11 @@ class Frequency(Measure):
 
     def _drives(self, robot: Robot) -> tuple[list[int], np.ndarray]:
         """Return the rows of the joints that are stiff, and their stiffness."""
+        if not isinstance(self.stiffness, Mapping):
+            raise LinkworkError(
+                f"the stiffness is {checks.shown(self.stiffness)}; give it by joint, such as "
+                f"{{{robot.rates[0]!r}: 1e4}}"
+            )
         checks.known(self.stiffness, robot.rates, "rate")
         values = [checks.positive(v, f"the stiffness of {k!r}") for k, v in self.stiffness.items()]
         return [robot.rates.index(name) for name in self.stiffness], np.array(values)
@@ -264,21 +286,16 @@ class Frequency(Measure):
 
 def at_poses(robot: Robot, poses: ArrayLike) -> State:
     """Return the configurations at poses of the tool (K, k)."""
+    checks.needed(robot, Robot)
     values = np.atleast_2d(checks.finite(poses, "the poses"))
     if not values.size:
         raise LinkworkError("the poses are none; give those of the tool that count")
     return robot.assemble(tool=values.reshape(-1, values.shape[-1]))
 
 
-def pivots(A: ca.SX) -> ca.SX:
-    """Return the pivots of the elimination of a symmetric matrix in its own order, each times those
-    before it: its leading minors, all positive where it is positive definite."""
-    found, product = [], ca.SX(1)
-    for k in range(A.shape[0]):
-        product = product * A[k, k]
-        found.append(product)
-        A = A - A[:, k] @ A[k, :] / A[k, k]
-    return ca.vertcat(*found)
+def in_column(A: Any) -> Any:
+    """Return the lower triangle of a matrix, column by column, as a column."""
+    return ca.project(ca.densify(A), ca.Sparsity.lower(A.shape[0])).nz[:]
 
 
 def require_measurable(robot: Robot) -> None:

@@ -20,7 +20,7 @@ from linkwork.model.checks import PIVOT_BOUND
 from linkwork.model.closing import CONTRACTS, LONGEST, SETTLING
 from linkwork.model.modes import FLAT
 from linkwork.robot import Robot
-from linkwork.runs.next_chart import REUSED
+from linkwork.runs.next_chart import FIRM, REUSED
 from linkwork.runs.passage import SOFT
 from linkwork.simulation.tableaus import DORMAND_PRINCE
 
@@ -98,7 +98,7 @@ def words(robot: Robot, free: bool, states: int = 0) -> dict[str, str]:
     """Return what stands in place of words in the pieces of C; states: number of those of
     drives."""
     rows, errors = DORMAND_PRINCE.a[1:, :-1].tolist(), DORMAND_PRINCE.e.tolist()
-    nothing = "(void)state;" + " (void)p;" * free
+    nothing = "(void)state; (void)least;" + " (void)p;" * free
     loops, meetings = robot.mobility < robot.equations.nv, len(robot.equations.gaps)
     return {
         "WITH_P": ", p" * free,
@@ -151,6 +151,7 @@ def numbers(robot: Robot, dialect: Dialect) -> list[str]:
         "WEAK": SOFT,
         "REUSED": REUSED,
         "LOST": LOST * robot.equations.smallest,
+        "HARD": FIRM * robot.equations.smallest,
         "SMALLEST_STEP": SMALLEST_STEP[precision],
         "BEGUN": BEGUN[precision],
         "TOUCHING": TOUCHING[precision],

@@ -114,11 +114,12 @@ def fastest(
     and of all other joints.
 
     Limits hold at the points of a grid along the path, on both sides of each, and are verified
-    within its intervals, in quarters of them, and closely where friction changes its sign or sets
-    in: where one would be passed there, all are tightened until none is. The duration is above the
-    least one by a part that falls with the number of points (some 0.1 % to 0.4 % of 401; 1 % where
-    dry friction, which ceases at rest, takes much of the force, falling by its square root). With
-    more actuators than freedoms the forces are those of least norm.
+    within its intervals, in quarters of them, between which they are told by parabolas, and closely
+    where friction changes its sign or sets in: where one would be passed there, all are tightened
+    until none is. The duration is above the least one by a part that falls with the number of
+    points (some 0.1 % to 0.4 % of 401; 1 % where dry friction, which ceases at rest, takes much of
+    the force, falling by its square root). With more actuators than freedoms the forces are those
+    of least norm.
 
     Under a limit of the jerk the motion begins and ends without acceleration, s(t) is cubic between
     two points of the grid (`jerk_limited`), and the law is a local optimum, which is verified at 8
@@ -225,7 +226,21 @@ def passed(rows: Constraints, x: np.ndarray) -> np.ndarray:
     bend = np.diff(x[::BETWEEN]) / np.diff(rows.s[::BETWEEN]) / 2
     inside = starts[:, None] + np.arange(BETWEEN + 1)
     left_over = rows.a[inside] * bend[:, None, None] + rows.b[inside] * x[inside][..., None]
-    return (left_over - rows.c[inside]).max(axis=(1, 2))
+    return tops(left_over - rows.c[inside]).max(axis=(1, 2))
+
+
+def tops(values: np.ndarray) -> np.ndarray:
+    """Return the largest of what is smooth within intervals (M x samples x K) between each two of
+    its samples (M x samples - 1 x K): of the parabola through both whose second difference is the
+    one beside them that is bent down less, for beside a leap of friction only one is."""
+    bends = np.diff(values, 2, axis=1)
+    before = np.concatenate([bends[:, 1:2], bends], axis=1)
+    behind = np.concatenate([bends, bends[:, -2:-1]], axis=1)
+    bend = np.minimum(np.maximum(before, behind), 0.0)
+    rise = np.diff(values, axis=1)
+    slope = np.minimum(np.abs(rise) + bend / 2, 0.0)  # at the higher end, outward
+    beyond = np.divide(slope**2, -2 * bend, out=np.zeros_like(bend), where=bend < 0)
+    return np.maximum(values[:, :-1], values[:, 1:]) + beyond
 
 
 def passed_at(rows: Constraints, x: np.ndarray, knots: tuple[float, ...]) -> np.ndarray:

@@ -7,12 +7,14 @@ typedef struct lw_chart {
     int independent[LW_V];
     int is_dependent[LW_W];
 OTHERWISE    int is_kept[LW_PHI]; /* of rows by which the side of its singular poses is told */
+OTHERWISE    lw_real least; /* pivot down to which others determine the motion */
 } lw_chart;
 
 static void lw_own_chart(lw_chart *chart)
 {
     int k;
     chart->own = 1;
+OTHERWISE    chart->least = LW_LOST;
     for (k = 0; k < LW_V; ++k) {
         chart->independent[k] = lw_v_places[k];
     }

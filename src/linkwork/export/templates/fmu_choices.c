@@ -6,6 +6,7 @@ static void lw_chosen(const lw_choice *from, lw_chart *to)
 {
     int k;
     to->own = from->own;
+OTHERWISE    to->least = LW_LOST;
     for (k = 0; k < LW_V; ++k) {
         to->independent[k] = from->independent[k];
     }

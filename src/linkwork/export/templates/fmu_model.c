@@ -201,7 +201,7 @@ DRIVEN    lw_copy(LW_Z, state.z, values + LW_AT_Z);
     model->changes = state.changes;
     model->moved = 0;
     model->known = 0;
-    chosen = lw_first_chart(&state WITH_P, &chart);
+    chosen = lw_first_chart(&state, LW_LOST WITH_P, &chart);
     if (chosen == LW_OK) {
         lw_choose(&chart, &model->kept);
     }

@@ -1,4 +1,4 @@
-/* y' in a chart; pivot: the weakest one of the own chart, its sign in others. */
+/* y' in a chart; pivot: the weakest one. */
 static lw_status lw_slope(
     const lw_chart *chart,
     const lw_real *y,
@@ -74,10 +74,12 @@ static void lw_leave(const lw_chart *chart, const lw_state *state, lw_real *y)
 DRIVEN    lw_copy(LW_Z, state->z, y + LW_Q + LW_V);
 }
 
-/* Choose the chart of the next step: the own one, from a strong pivot on where it was left. */
-static lw_status lw_first_chart(const lw_state *state TAKING_P, lw_chart *chart)
+/* Choose the chart of the next step: the own one, from a strong pivot on where it was left. least:
+   pivot down to which others determine the motion. */
+static lw_status lw_first_chart(const lw_state *state, lw_real least TAKING_P, lw_chart *chart)
 {
     lw_own_chart(chart);
+OTHERWISE    chart->least = least;
 OTHERWISE    if (!state->own) {
 OTHERWISE        const lw_real rest[LW_V] = {0};
 OTHERWISE        lw_real w[LW_W], pivot[1];

@@ -107,7 +107,7 @@ static int lw_best_chart(const lw_real *q TAKING_P, lw_chart *chart)
         }
     }
     chart->own = 0;
-    return weakest > LW_LOST;
+    return weakest > chart->least;
 }
 
 /* L of w = L v in a chart; tell whether it determines the motion. */
@@ -116,7 +116,7 @@ static int lw_other_map(const lw_chart *chart, const lw_real *Phi, lw_real L[LW_
     lw_real A[LW_PHI][LW_W + 1];
     int rows[LW_W], columns[LW_W], i, k;
     lw_scaled(Phi, Phi, A);
-    if (!(lw_reduce(A, chart->is_dependent, rows, columns) > LW_LOST)) {
+    if (!(lw_reduce(A, chart->is_dependent, rows, columns) > chart->least)) {
         return 0;
     }
     for (k = 0; k < LW_V; ++k) {
@@ -169,8 +169,8 @@ static int lw_solve(lw_real M[LW_V][LW_V], lw_real *b)
     return 1;
 }
 
-/* y' and w' in a chart that is not the own one: L' H L v' = L' (f - H b), w' = L v' + b; pivot: of
-   one sign on either side of poses where it is singular. */
+/* y' and w' in a chart that is not the own one: L' H L v' = L' (f - H b), w' = L v' + b; pivot: the
+   weakest, of one sign on either side of poses where it is singular. */
 static lw_status lw_other_slope(
     const lw_chart *chart,
     const lw_real *y,
@@ -181,6 +181,7 @@ static lw_status lw_other_slope(
 {
     lw_real phi[LW_PHI], Phi[LW_PHI * LW_W], gap[1], gamma[LW_PHI], A[LW_PHI][LW_W + 1];
     lw_real L[LW_W][LW_V], w[LW_W], H[LW_W * LW_W], f[LW_W], b[LW_W], M[LW_V][LW_V];
+    lw_real weakest;
     int rows[LW_W], columns[LW_W], side, i, j, k, m;
 DRIVEN    lw_real *dz = dy + LW_Q + LW_V;
     lw_free_closure_code(y WITH_P, phi, Phi, gap);
@@ -190,8 +191,8 @@ DRIVEN    lw_real *dz = dy + LW_Q + LW_V;
     lw_other_rates(L, y + LW_Q, w);
     lw_free_forces_code(y, w, u WITH_P, dy, H, f, gamma WITH_DZ);
     lw_scaled(Phi, gamma, A);
-    lw_reduce_to(A, chart->is_dependent, chart->is_kept, rows, columns, &side);
-    *pivot = (lw_real)side;
+    weakest = lw_reduce_to(A, chart->is_dependent, chart->is_kept, rows, columns, &side);
+    *pivot = (lw_real)side * weakest;
     for (i = 0; i < LW_W; ++i) {
         b[i] = 0;
     }

@@ -1,3 +1,11 @@
+OTHERWISE/* Tell whether pivots of a step change too much, where they are nearly lost, for what vanishes between
+OTHERWISE   its stages to be seen. */
+OTHERWISE static int lw_weakens(lw_real before, lw_real now)
+OTHERWISE {
+OTHERWISE    const lw_real ratio = now / before;
+OTHERWISE    return (fabs(before) < LW_LOST || fabs(now) < LW_LOST) && !(ratio > (lw_real)0.5 && ratio < 2);
+OTHERWISE }
+
 /* A step of the method of Dormand and Prince, and its error over what is allowed. */
 static lw_status lw_dormand_prince(
     const lw_chart *chart,
@@ -23,6 +31,9 @@ static lw_status lw_dormand_prince(
         if (!(pivot[stage][0] * pivot[0][0] > 0)) {
             return LW_SINGULAR;
         }
+OTHERWISE        if (!chart->own && lw_weakens(pivot[0][0], pivot[stage][0])) {
+OTHERWISE            return LW_SINGULAR;
+OTHERWISE        }
         for (i = 0; i < LW_Y && stage < 6; ++i) {
             lw_real sum = 0;
             for (j = 0; j <= stage; ++j) {
@@ -148,7 +159,7 @@ MEETING    lw_real slopes[2][LW_Y];
         const lw_real h = state->next >= gap ? gap : state->next > gap / 2 ? gap / 2 : state->next;
         lw_real error = 0, factor = (lw_real)0.25, taken;
         lw_chart chart;
-        lw_status status = lw_first_chart(state WITH_P, &chart);
+        lw_status status = lw_first_chart(state, LW_HARD WITH_P, &chart);
         int attempt;
         for (attempt = 0; attempt < 2 && status == LW_OK; ++attempt) {
             status = lw_dormand_prince(

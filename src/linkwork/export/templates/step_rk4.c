@@ -33,7 +33,7 @@ PROTOTYPE
     lw_chart chart;
     lw_real end[LW_Y];
     int attempt;
-    lw_status status = lw_finite(&dt, 1) ? lw_first_chart(state WITH_P, &chart) : LW_NOT_FINITE;
+    lw_status status = lw_finite(&dt, 1) ? lw_first_chart(state, LW_LOST WITH_P, &chart) : LW_NOT_FINITE;
     for (attempt = 0; attempt < 2 && status == LW_OK; ++attempt) {
         status = lw_rk4(&chart, state, u, dt WITH_P, end);
         if (status == LW_OK) {
