@@ -37,10 +37,15 @@ DEPENDENT = 1e-9  # what is left of a row, over the longest, that depends on the
 ROUNDED_RANK = 1e-5
 """Singular value over the largest, and what is left of a row over the longest, that rounded numbers
 make."""
+ALONE = 1e-5  # to which configurations are one, in own units
 NEAR = 12  # bends beside a reference that is closed, but singular
 BENT = (
     "branches of motion meet at the given reference, as where a linkage lies in a line; home is "
     "bent to {}; give a reference on the branch that is meant"
+)
+SHAKY = (
+    "the loops close at one configuration alone, where they shake but do not move, as those of a "
+    "linkage whose links are just long enough to meet; give lengths with some room"
 )
 ASIDE = (
     "the loops do not close at the coordinates of the reference; home is near them, with its "
@@ -93,7 +98,7 @@ def closed_samples(
     # A reference that has the rank of its neighbours will do; else one is looked for beside it.
     own = len(independent_rows([samples[1][0]]))
     rank = own if own == len(rows.names) else len(independent_rows([*samples[1]]))
-    if own == rank:
+    if own == rank and not beside_singular(tree, samples):
         return ClosedSamples(rows, *samples, moved_notes(joints, reference), rounded)
     beside = bent(tree, rows, reference, rank)
     if beside is None:
@@ -105,6 +110,22 @@ def closed_samples(
     samples = about(tree, rows, beside)
     caveats = BENT.format(where), *unheld_notes(tree, rows, samples[0])
     return ClosedSamples(rows, *samples, (), caveats)
+
+
+def beside_singular(tree: Tree, samples: tuple[list[np.ndarray], np.ndarray]) -> bool:
+    """Tell whether the first of closed configurations lies where branches of motion meet, but for
+    what Newton's method leaves of the way to such a pose.
+
+    Raises:
+        MechanismError: all of them are one pose, where the rows lose rank.
+    """
+    (home, *others), Phi = samples
+    if not (others and any(map(nearly_dependent, Phi))):
+        return False
+    if max(np.abs((q - home) / tree.units).max(initial=0.0) for q in others) < ALONE:
+        raise MechanismError(SHAKY, ("reference",))
+    own, *beside = (len(reflect(each, ROUNDED_RANK).rows) for each in Phi)
+    return own < max(beside)
 
 
 def moved_notes(joints: JointMap, q: np.ndarray) -> tuple[str, ...]:
