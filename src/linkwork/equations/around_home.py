@@ -92,13 +92,15 @@ def closed_samples(
     # Rows that hardly depend on each other may only seem to be independent.
     samples = about(tree, rows, reference)
     rounded = unheld_notes(tree, rows, samples[0])
-    doubtful = nearly_dependent(samples[1][0]) or len(samples[0]) == 1
-    if doubtful and (fewer := held(tree, rows, starts())) is not None:
+    nearly = nearly_dependent(samples[1][0])
+    if (nearly or len(samples[0]) == 1) and (fewer := held(tree, rows, starts())) is not None:
         return closed_samples(joints, fewer, start, starts)
     # A reference that has the rank of its neighbours will do; else one is looked for beside it.
     own = len(independent_rows([samples[1][0]]))
     rank = own if own == len(rows.names) else len(independent_rows([*samples[1]]))
-    if own == rank and not beside_singular(tree, samples):
+    if own < samples[1].shape[2] and one_pose(tree, samples[0]):
+        raise MechanismError(SHAKY, ("reference",))
+    if own == rank and not (nearly and beside_singular(samples[1])):
         return ClosedSamples(rows, *samples, moved_notes(joints, reference), rounded)
     beside = bent(tree, rows, reference, rank)
     if beside is None:
@@ -112,20 +114,18 @@ def closed_samples(
     return ClosedSamples(rows, *samples, (), caveats)
 
 
-def beside_singular(tree: Tree, samples: tuple[list[np.ndarray], np.ndarray]) -> bool:
+def beside_singular(Phi: np.ndarray) -> bool:
     """Tell whether the first of closed configurations lies where branches of motion meet, but for
-    what Newton's method leaves of the way to such a pose.
-
-    Raises:
-        MechanismError: all of them are one pose, where the rows lose rank.
-    """
-    (home, *others), Phi = samples
-    if not (others and any(map(nearly_dependent, Phi))):
-        return False
-    if max(np.abs((q - home) / tree.units).max(initial=0.0) for q in others) < ALONE:
-        raise MechanismError(SHAKY, ("reference",))
+    what Newton's method leaves of the way to such a pose. Phi: at each (K x rows x nv)."""
     own, *beside = (len(reflect(each, ROUNDED_RANK).rows) for each in Phi)
-    return own < max(beside)
+    return own < max(beside, default=own)
+
+
+def one_pose(tree: Tree, configurations: Sequence[np.ndarray]) -> bool:
+    """Tell whether closed configurations, the first of which others were sought beside, are one."""
+    home, *others = configurations
+    far = (np.abs((q - home) / tree.units).max(initial=0.0) for q in others)
+    return max(far, default=np.inf) < ALONE
 
 
 def moved_notes(joints: JointMap, q: np.ndarray) -> tuple[str, ...]:
