@@ -237,6 +237,31 @@ def test_a_ball_runs_over_a_field_and_keeps_its_energy():
     assert "contact_power" not in run.variables
 
 
+@pytest.mark.parametrize("place", [(0.2, 0.13), (0.13, 0.4), (0.4, 0.6)])
+def test_a_ball_between_two_cells_of_a_field_is_pressed_along_its_energy(place):
+    field = wavy().model_copy(update={"frame": lw.Frame()})
+    robot = on_floor(field, stiffness=1e5, gravity=(0.0, 0.0, 0.0))
+
+    def energy(x, y):
+        return float(robot.energy(at(robot, (x, y, R - 0.01)))[1])
+
+    (x, y), h = place, 1e-5
+    force = robot.passive_forces(at(robot, (x, y, R - 0.01)))[:2]
+    slopes = energy(x + h, y) - energy(x - h, y), energy(x, y + h) - energy(x, y - h)
+    assert np.abs(force).max() > 1
+    close(force, -np.array(slopes) / (2 * h), 1e-3 * np.abs(force).max())
+
+
+def test_a_ball_that_rolls_off_a_field_keeps_its_energy():
+    """Down a slope and over its edge onto the level, whose gap has no leap there."""
+    slope = lw.HeightField(heights=((0.0, 0.0), (0.1, 0.1)), spacing=(0.4, 0.4))
+    robot = on_floor(slope, stiffness=1e5)
+    on_slope = at(robot, (0.2, 0.2, 0.0499 + R * np.sqrt(1 + 1 / 16)), (-0.5, 0, -0.125))
+    run = robot.simulate(on_slope, duration=0.8, rtol=1e-10, atol=1e-12)
+    assert run["joint_position"].values[-1, 0] < -0.1
+    assert float(abs(run["energy_balance"]).max()) < 1e-7
+
+
 @pytest.mark.parametrize("surface", [lw.Plane(frame=lw.Frame(rotation=(0.3, 0.1, 0))), wavy()])
 def test_forces_at_rest_are_the_slope_of_the_energy(surface):
     """Q = -dU/dq along every rate, for a capsule that presses with both ends or one."""

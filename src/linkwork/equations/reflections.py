@@ -60,7 +60,7 @@ def reflect(A: np.ndarray, dependent: float = DEPENDENT_ROW) -> Reflections:
     dependent: what is left of a dependent row, over the longest row
     """
     A = np.ascontiguousarray(A, float)
-    key = sha256(A).digest(), A.shape, dependent
+    key = sha256(A.data).digest(), A.shape, dependent
     if (found := LAST.get(key)) is None:
         found = reflected(A, dependent)[0]
         LAST.clear()
