@@ -360,3 +360,24 @@ def test_files_hold_contacts(tmp_path):
         mechanism = on_floor(surface, friction=lw.Sliding(coefficient=0.3, static=0.4)).mechanism
         mechanism.save(tmp_path / "x.yaml")
         assert lw.Mechanism.load(tmp_path / "x.yaml") == mechanism
+
+
+@pytest.mark.parametrize("method", [None, "dormand_prince", "rodas"])
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_a_ball_that_is_laid_on_a_slope_sets_off(method, exponent):
+    """Where its gap is zero but for rounding, whatever its rate along the slope."""
+    slope = lw.HeightField(heights=((0.0, 0.0), (0.1, 0.1)), spacing=(0.4, 0.4))
+    plane = lw.Plane(frame=lw.Frame(rotation=(0.0, -np.arctan(0.25), 0.0)))
+    height = 0.05 + R * np.sqrt(1 + 1 / 16)
+    for surface in (slope, plane):
+        robot = on_floor(surface, stiffness=1e5, exponent=exponent)
+        rates = np.array([(-0.5, 0, -0.125), (0, 0, 0), (0.4, 0.1, 0.1)])
+        for rate in rates:
+            start = at(robot, (0.2, 0.2, height), rate)
+            given = {"method": method} if method else {}
+            run = robot.simulate(start, duration=0.02, **given)
+            assert run.status is lw.Status.FINISHED, run.message
+        start = robot.state(np.tile(start.positions, (3, 1)), np.hstack([rates, np.zeros((3, 3))]))
+        members = robot.ensemble(start, duration=0.02, **given)
+        assert not len(members.failed)
+        close(members.final.positions[-1], run.final.positions, 1e-9)

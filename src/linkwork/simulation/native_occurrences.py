@@ -35,6 +35,12 @@ CLOSE = 2.0**-40
 """How near to an event a step ends at it, relative to the time and to the step."""
 
 
+BEYOND = 4.0  # of the shortest step of a run: an event within that of a step's start is passed
+
+
+FAINT = 1e-4  # of what a function comes to within a step, below which it is zero at its start
+
+
 class EventPlaces(NamedTuple):
     """Where `count` event functions are looked at: their `conditions`, a row (direction, what it
     does) for each; `g`, a row for each of the places `thetas` and one more; `within`, their values
@@ -95,20 +101,33 @@ def record_events(run, due):
     return halted
 
 
+@njit(**INLINED)
+def touches(run, i):
+    """Tell whether function i is as good as zero at the start of a step, beside what it comes to
+    within it: its sign there is a matter of rounding, as of parts that are laid on each other."""
+    scene, most = run.scene, 0.0
+    for j in range(1, run.ends + 1):
+        most = max(most, abs(scene.g[j * scene.count + i]))
+    return abs(scene.g[i]) <= FAINT * most
+
+
 @njit(**OPTIONS)
 def cut(run):
     """Refuse a step past an event at which steps end, and aim at the first; tell whether it is
     refused.
 
     Behind the event the dense output is no guide. So steps are tried that end nearer and nearer to
-    it, until what is left is CLOSE to rounding: then the event lies at the end of the step.
+    it, until what is left is CLOSE to rounding: then the event lies at the end of the step. One
+    that no step is short enough to end at is passed, and so is the first of parts that touch.
     """
     scene, close = run.scene, CLOSE * max(1.0, abs(run.t / run.step))
+    reached = max(close, BEYOND * run.shortest / run.step)
     for j in range(run.ends):
         if cross(run, j) > 0:
             first = NEVER
             for i in range(scene.count):
-                if scene.conditions[2 * i + 1] >= CUTS and scene.crossings[i] > close:
+                passed = scene.crossings[i] <= reached or (j == 0 and touches(run, i))
+                if scene.conditions[2 * i + 1] >= CUTS and not passed:
                     first = min(first, scene.crossings[i])
             if first != NEVER:
                 if first >= 1 - close:
