@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
 
 import linkwork as lw
 from linkwork.equations import functions
@@ -381,3 +382,20 @@ def test_a_ball_that_is_laid_on_a_slope_sets_off(method, exponent):
         members = robot.ensemble(start, duration=0.02, **given)
         assert not len(members.failed)
         close(members.final.positions[-1], run.final.positions, 1e-9)
+
+
+@pytest.mark.parametrize("friction", [{}, {"friction": lw.Sliding(coefficient=0.5)}])
+@pytest.mark.parametrize("rate", [(0.3, 0.1, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, -0.3)])
+def test_a_box_that_is_laid_on_a_plane_and_pushed_keeps_its_energy(rate, friction):
+    """Its first step, which begins where nothing presses yet, is judged by what it meets."""
+    lean = Rotation.from_rotvec([0.13, 0.2, 0.0])
+    floor = lw.Plane(frame=lw.Frame(rotation=tuple(lean.as_rotvec())))
+    law = {"exponent": 1.0, "dissipation": 5.0} | friction
+    robot = on_floor(floor, ball=lw.Box(size=(0.2, 0.2, 0.1)), **law)
+    x, y, z, w = lean.as_quat()
+    start = robot.state([*lean.apply([0, 0, 0.05]), w, x, y, z])
+    start = start.with_rates([*lean.apply(rate), 0, 0, 0])
+    for method in ("sharp_smart", "dormand_prince"):
+        run = robot.simulate(start, duration=0.05, method=method)
+        assert run.status is lw.Status.FINISHED, run.message
+        assert float(abs(run["energy_balance"]).max()) < 1e-8

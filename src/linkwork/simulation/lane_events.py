@@ -315,6 +315,7 @@ def set_step(alone, lane, signals, closure_tol, tables, places):
     alone.error = now[ERROR, lane]
     alone.pending, alone.evaluations = method.stages - known, 0
     alone.ailment, alone.least, alone.halted, alone.ends = OK, 0.0, 0, LOOKS
+    alone.target = now[TARGET, lane]
     alone.shortest = SMALLEST_STEP * max(now[STOP, lane], now[STOP, lane] - now[START, lane])
 
 
