@@ -104,12 +104,13 @@ def record_events(run, due):
 
 @njit(**INLINED)
 def touches(run, i):
-    """Tell whether function i is as good as zero at the start of a step, beside what it comes to
-    within it: its sign there is a matter of rounding, as of parts that are laid on each other."""
+    """Tell whether function i, of a force that sets in, is as good as zero at the start of a step,
+    beside what it comes to within it: its sign there is a matter of rounding, as of parts that are
+    laid on each other."""
     scene, most = run.scene, 0.0
     for j in range(1, run.ends + 1):
         most = max(most, abs(scene.g[j * scene.count + i]))
-    return abs(scene.g[i]) <= FAINT * most
+    return scene.conditions[2 * i + 1] == CUTS and abs(scene.g[i]) <= FAINT * most
 
 
 @njit(**OPTIONS)
