@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from numba import njit
 
 from linkwork.simulation.compiled import INLINED, OPTIONS
-from linkwork.simulation.events import BORNE, CUTS, ENDS
+from linkwork.simulation.events import BORNE, CUTS, ENDS, MEETS
 from linkwork.simulation.native_events import (
     LOOKS,
     NEVER,
@@ -104,13 +104,13 @@ def record_events(run, due):
 
 @njit(**INLINED)
 def touches(run, i):
-    """Tell whether function i, of a force that sets in, is as good as zero at the start of a step,
+    """Tell whether function i, of parts that meet, is as good as zero at the start of a step,
     beside what it comes to within it: its sign there is a matter of rounding, as of parts that are
     laid on each other."""
     scene, most = run.scene, 0.0
     for j in range(1, run.ends + 1):
         most = max(most, abs(scene.g[j * scene.count + i]))
-    return scene.conditions[2 * i + 1] == CUTS and abs(scene.g[i]) <= FAINT * most
+    return scene.conditions[2 * i + 1] == MEETS and abs(scene.g[i]) <= FAINT * most
 
 
 @njit(**OPTIONS)
