@@ -175,6 +175,15 @@ def test_the_shell_is_told_what_may_follow():
     assert told.split() == ["prr3"]
 
 
+def test_a_folder_alone_does_not_end_the_word(tmp_path, monkeypatch):
+    """Shells put a space behind a completion that is alone: what is in the folder goes with it."""
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "robots" / "arm.yaml").touch()
+    monkeypatch.chdir(tmp_path)
+    assert robots_like("ro") == ["robots/", "robots/arm.yaml"]
+    assert robots_like("robots/") == ["robots/arm.yaml"]
+
+
 def test_a_way_without_slope_is_told_in_words():
     """The Tripteron's determinants are constant: no way of its tool leads to where they vanish."""
     assert "inf" not in (said := call("analyse", "tripteron", "singularities").stdout)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.errors import ModelWarning
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, RevoluteJoint
 
 LINK = Body(mass=1.0, inertia=Inertia(zz=0.1))
@@ -97,3 +98,23 @@ def test_an_angle_of_which_no_digits_are_left_is_refused(turned):
         match=r"'crank_pivot' is 1e.1., which a computer keeps to .* only, so that no loop",
     ):
         lw.Robot(mechanism.with_reference({"crank_pivot": turned}))
+
+
+@pytest.mark.parametrize("lengths", [[0.3, 1.0, 0.3], [0.5, 1.0, 0.5], [0.3, 0.7, 0.6]])
+def test_home_does_not_end_a_millionth_beside_where_branches_meet(lengths):
+    """With a crank folded back all links lie in a line, where Newton's method ends short: the
+    number of rates that the loops leave there is two."""
+    base = lengths[1] + lengths[2] - lengths[0]
+    with pytest.warns(ModelWarning, match="branches of motion meet"):
+        robot = lw.Robot(linkage(lengths, base, reference={"h0": np.pi}))
+    angles = np.cumsum([robot.home["h0"], robot.home["h1"]])
+    aside = abs(np.sin(angles[0] - angles[1]))
+    assert robot.mobility == 1 and aside > 0.01
+
+
+@pytest.mark.parametrize("base", [1.8, 1.8 + 1e-15, 1.8 - 1e-15, 1.75])
+def test_links_just_long_enough_to_meet_are_refused_for_they_do_not_move(base):
+    lengths = [0.3, 0.9, 0.6] if base != 1.75 else [0.25, 1.0, 0.5]
+    with pytest.raises(MechanismError, match="the loops close at one configuration alone"):
+        lw.Robot(linkage(lengths, base))
+    lw.Robot(linkage(lengths, base - 1e-6))

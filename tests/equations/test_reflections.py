@@ -1,5 +1,7 @@
 """Reflections of sparse rows, and steps of least length, against dense decompositions."""
 
+import tracemalloc
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -117,3 +119,13 @@ def test_loops_that_are_singular_to_working_precision_are_refused_in_one_sentenc
     }
     with pytest.raises(lw.LinkworkError, match=r"singular to working precision.* an inertia, a ma"):
         lw.Robot(mechanism.model_copy(update={"bodies": bodies}))
+
+
+def test_what_is_remembered_of_a_matrix_is_not_the_matrix():
+    A = np.eye(600, 601) + np.eye(600, 601, 1)
+    tracemalloc.start()
+    found = reflect(A)
+    held, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert held < A.nbytes / 2 and reflect(A.copy()) is found
+    assert reflect(2 * A) is not found and reflect(np.empty((0, 3))).null_space.shape == (3, 3)

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
 
 import linkwork as lw
 from linkwork.equations import functions
@@ -237,6 +238,31 @@ def test_a_ball_runs_over_a_field_and_keeps_its_energy():
     assert "contact_power" not in run.variables
 
 
+@pytest.mark.parametrize("place", [(0.2, 0.13), (0.13, 0.4), (0.4, 0.6)])
+def test_a_ball_between_two_cells_of_a_field_is_pressed_along_its_energy(place):
+    field = wavy().model_copy(update={"frame": lw.Frame()})
+    robot = on_floor(field, stiffness=1e5, gravity=(0.0, 0.0, 0.0))
+
+    def energy(x, y):
+        return float(robot.energy(at(robot, (x, y, R - 0.01)))[1])
+
+    (x, y), h = place, 1e-5
+    force = robot.passive_forces(at(robot, (x, y, R - 0.01)))[:2]
+    slopes = energy(x + h, y) - energy(x - h, y), energy(x, y + h) - energy(x, y - h)
+    assert np.abs(force).max() > 1
+    close(force, -np.array(slopes) / (2 * h), 1e-3 * np.abs(force).max())
+
+
+def test_a_ball_that_rolls_off_a_field_keeps_its_energy():
+    """Down a slope and over its edge onto the level, whose gap has no leap there."""
+    slope = lw.HeightField(heights=((0.0, 0.0), (0.1, 0.1)), spacing=(0.4, 0.4))
+    robot = on_floor(slope, stiffness=1e5)
+    on_slope = at(robot, (0.2, 0.2, 0.0499 + R * np.sqrt(1 + 1 / 16)), (-0.5, 0, -0.125))
+    run = robot.simulate(on_slope, duration=0.8, rtol=1e-10, atol=1e-12)
+    assert run["joint_position"].values[-1, 0] < -0.1
+    assert float(abs(run["energy_balance"]).max()) < 1e-7
+
+
 @pytest.mark.parametrize("surface", [lw.Plane(frame=lw.Frame(rotation=(0.3, 0.1, 0))), wavy()])
 def test_forces_at_rest_are_the_slope_of_the_energy(surface):
     """Q = -dU/dq along every rate, for a capsule that presses with both ends or one."""
@@ -335,3 +361,41 @@ def test_files_hold_contacts(tmp_path):
         mechanism = on_floor(surface, friction=lw.Sliding(coefficient=0.3, static=0.4)).mechanism
         mechanism.save(tmp_path / "x.yaml")
         assert lw.Mechanism.load(tmp_path / "x.yaml") == mechanism
+
+
+@pytest.mark.parametrize("method", [None, "dormand_prince", "rodas"])
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_a_ball_that_is_laid_on_a_slope_sets_off(method, exponent):
+    """Where its gap is zero but for rounding, whatever its rate along the slope."""
+    slope = lw.HeightField(heights=((0.0, 0.0), (0.1, 0.1)), spacing=(0.4, 0.4))
+    plane = lw.Plane(frame=lw.Frame(rotation=(0.0, -np.arctan(0.25), 0.0)))
+    height = 0.05 + R * np.sqrt(1 + 1 / 16)
+    for surface in (slope, plane):
+        robot = on_floor(surface, stiffness=1e5, exponent=exponent)
+        rates = np.array([(-0.5, 0, -0.125), (0, 0, 0), (0.4, 0.1, 0.1)])
+        for rate in rates:
+            start = at(robot, (0.2, 0.2, height), rate)
+            given = {"method": method} if method else {}
+            run = robot.simulate(start, duration=0.02, **given)
+            assert run.status is lw.Status.FINISHED, run.message
+        start = robot.state(np.tile(start.positions, (3, 1)), np.hstack([rates, np.zeros((3, 3))]))
+        members = robot.ensemble(start, duration=0.02, **given)
+        assert not len(members.failed)
+        close(members.final.positions[-1], run.final.positions, 1e-9)
+
+
+@pytest.mark.parametrize("friction", [{}, {"friction": lw.Sliding(coefficient=0.5)}])
+@pytest.mark.parametrize("rate", [(0.3, 0.1, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, -0.3)])
+def test_a_box_that_is_laid_on_a_plane_and_pushed_keeps_its_energy(rate, friction):
+    """Its first step, which begins where nothing presses yet, is judged by what it meets."""
+    lean = Rotation.from_rotvec([0.13, 0.2, 0.0])
+    floor = lw.Plane(frame=lw.Frame(rotation=tuple(lean.as_rotvec())))
+    law = {"exponent": 1.0, "dissipation": 5.0} | friction
+    robot = on_floor(floor, ball=lw.Box(size=(0.2, 0.2, 0.1)), **law)
+    x, y, z, w = lean.as_quat()
+    start = robot.state([*lean.apply([0, 0, 0.05]), w, x, y, z])
+    start = start.with_rates([*lean.apply(rate), 0, 0, 0])
+    for method in ("sharp_smart", "dormand_prince"):
+        run = robot.simulate(start, duration=0.05, method=method)
+        assert run.status is lw.Status.FINISHED, run.message
+        assert float(abs(run["energy_balance"]).max()) < 1e-8

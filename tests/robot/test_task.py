@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import linkwork as lw
-from linkwork import DistanceTo, Frame, Mechanism, Robot, Tool, TurnAbout
+from linkwork import Body, DistanceTo, Frame, Inertia, Mechanism, Robot, Tool, TurnAbout
 from linkwork.equations.task import task_map
 from linkwork.mechanism.task import NAMES
 from linkwork.model import dexterity
@@ -432,3 +432,31 @@ def test_the_task_that_a_refusal_suggests_is_what_the_robot_leads_best():
     leaning = scara().model_dump()
     leaning["joints"]["shoulder"]["frames"][0]["turn"] = (0.1, 0.0, 0.0)
     refused("such as task=('x', 'y', 'z', 'rz')", Robot(Mechanism(**leaning)).task_coordinates)
+
+
+@pytest.mark.parametrize("turned", [(0, 0, 1.0), (np.pi, 0, 0), (0, np.pi, 0), (0.4, 0, 0)])
+def test_a_planar_tool_is_seen_from_a_body_that_lies_anyhow(turned):
+    """Face up by x, y and angle, face down by the angle about its own z axis, aslant in space."""
+    inertia = Inertia(xx=0.01, yy=0.01, zz=0.01)
+    bodies = {name: Body(mass=1, inertia=inertia) for name in ("upper", "fore")}
+    elbow = tuple(Rotation.from_rotvec(turned).apply([0.5, 0, 0]))
+    shoulder = (Frame(), Frame(rotation=turned))
+    ahead = (Frame(position=elbow, rotation=turned), Frame())
+    joints = {
+        "shoulder": lw.RevoluteJoint(connects=("ground", "upper"), frames=shoulder),
+        "elbow": lw.RevoluteJoint(connects=("upper", "fore"), frames=ahead),
+    }
+    tool = Tool(body="fore", frame=Frame(position=(0.4, 0, 0)), relative_to="upper")
+    robot = Robot(Mechanism(bodies=bodies, joints=joints, tools={"tip": tool}))
+    state, h = robot.state([0.3, 0.7], [0.2, -0.5]), 1e-5
+    (p, R), (p_B, R_B) = (robot.body_poses(state)[name] for name in ("fore", "upper"))
+    position, seen = R_B.T @ (p + R @ tool.frame.position - p_B), R_B.T @ R
+    flat = abs(R_B[2, 2]) == pytest.approx(1, abs=1e-12)
+    turns = [np.arctan2(seen[1, 0], seen[0, 0])] if flat else Rotation.from_matrix(seen).as_rotvec()
+    expected = np.concatenate([position[: 2 if flat else 3], turns])
+    np.testing.assert_allclose(robot.tool_pose(state), expected, atol=1e-12)
+    what = ("x", "y", "angle") if flat else ("x", "y", "z", "roll", "pitch", "yaw")
+    ahead, before = (
+        robot.task_values(robot.state(state.positions + k * h * state.rates), what) for k in (1, -1)
+    )
+    np.testing.assert_allclose(robot.task_rates(state, what), (ahead - before) / (2 * h), atol=1e-8)

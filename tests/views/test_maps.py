@@ -98,3 +98,13 @@ def test_other_quantities_and_other_axes_are_refused(mapped):
         plot_workspace(mapped, "heat")
     with pytest.raises(lw.LinkworkError, match=r"choose a plane of it by mapped.sel\(...\)"):
         plot_workspace(mapped.isel(x=3))
+
+
+def test_coordinates_of_one_value_are_no_direction_of_the_picture(mapped):
+    plane = mapped.expand_dims("angle")
+    shown = np.ma.filled(painted(plot_workspace(plane)).get_array(), np.nan)
+    np.testing.assert_array_equal(shown, mapped["conditioning"].transpose("y", "x"))
+    line = mapped.isel(y=[13])
+    assert line["reachable"].any()
+    with pytest.raises(lw.LinkworkError, match="the map holds no 'conditioning' over two"):
+        plot_workspace(line)

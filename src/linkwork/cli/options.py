@@ -39,7 +39,8 @@ def shown_like(incomplete: str) -> list[str]:
 
 
 def files_like(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
-    """Return the files of some suffixes, and the folders, that begin like what was typed."""
+    """Return the files of some suffixes, and the folders, that begin like what was typed; a folder
+    alone with what is in it, for shells put a space behind a word that is alone."""
     folder, _, begun = incomplete.rpartition("/")
     place = Path(folder or ("/" if incomplete.startswith("/") else "."))
     if not place.is_dir():
@@ -52,7 +53,8 @@ def files_like(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
                 found.append(f"{path}/")
             elif file.suffix.lower() in suffixes:
                 found.append(path)
-    return found
+    alone = len(found) == 1 and found[0].endswith("/")
+    return found + files_like(found[0], suffixes) if alone else found
 
 
 def methods_like(incomplete: str) -> list[str]:

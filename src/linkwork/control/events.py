@@ -55,6 +55,11 @@ class Event(ActingPart):
         return isinstance(self.function, LineLoad)
 
     @property
+    def meets(self) -> bool:
+        """Whether it tells of parts that begin or cease to press."""
+        return isinstance(self.function, Gap)
+
+    @property
     def what(self) -> str:
         """How sentences name it."""
         return f"the event {self.name!r}"

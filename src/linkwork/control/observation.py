@@ -308,7 +308,7 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
     tool = mechanism.first_tool
     if quantity.kind.startswith("task"):
         return task_expression(equations, tool, quantity.kind)
-    planar = body_motion.is_planar(tree)
+    planar = body_motion.is_planar(tree, tool)
     if quantity.kind == "tool_pose":
         p, R, angle = body_motion.tool_pose(tree, tool)
         turn = rotation_vector(matrix_quaternion(ca.reshape(R, 3, 3).T)) if not planar else SX(0, 1)

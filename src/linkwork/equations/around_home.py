@@ -37,10 +37,15 @@ DEPENDENT = 1e-9  # what is left of a row, over the longest, that depends on the
 ROUNDED_RANK = 1e-5
 """Singular value over the largest, and what is left of a row over the longest, that rounded numbers
 make."""
+ALONE = 1e-5  # to which configurations are one, in own units
 NEAR = 12  # bends beside a reference that is closed, but singular
 BENT = (
     "branches of motion meet at the given reference, as where a linkage lies in a line; home is "
     "bent to {}; give a reference on the branch that is meant"
+)
+SHAKY = (
+    "the loops close at one configuration alone, where they shake but do not move, as those of a "
+    "linkage whose links are just long enough to meet; give lengths with some room"
 )
 ASIDE = (
     "the loops do not close at the coordinates of the reference; home is near them, with its "
@@ -87,13 +92,15 @@ def closed_samples(
     # Rows that hardly depend on each other may only seem to be independent.
     samples = about(tree, rows, reference)
     rounded = unheld_notes(tree, rows, samples[0])
-    doubtful = nearly_dependent(samples[1][0]) or len(samples[0]) == 1
-    if doubtful and (fewer := held(tree, rows, starts())) is not None:
+    nearly = nearly_dependent(samples[1][0])
+    if (nearly or len(samples[0]) == 1) and (fewer := held(tree, rows, starts())) is not None:
         return closed_samples(joints, fewer, start, starts)
     # A reference that has the rank of its neighbours will do; else one is looked for beside it.
     own = len(independent_rows([samples[1][0]]))
     rank = own if own == len(rows.names) else len(independent_rows([*samples[1]]))
-    if own == rank:
+    if own < samples[1].shape[2] and one_pose(tree, samples[0]):
+        raise MechanismError(SHAKY, ("reference",))
+    if own == rank and not (nearly and beside_singular(samples[1])):
         return ClosedSamples(rows, *samples, moved_notes(joints, reference), rounded)
     beside = bent(tree, rows, reference, rank)
     if beside is None:
@@ -105,6 +112,20 @@ def closed_samples(
     samples = about(tree, rows, beside)
     caveats = BENT.format(where), *unheld_notes(tree, rows, samples[0])
     return ClosedSamples(rows, *samples, (), caveats)
+
+
+def beside_singular(Phi: np.ndarray) -> bool:
+    """Tell whether the first of closed configurations lies where branches of motion meet, but for
+    what Newton's method leaves of the way to such a pose. Phi: at each (K x rows x nv)."""
+    own, *beside = (len(reflect(each, ROUNDED_RANK).rows) for each in Phi)
+    return own < max(beside, default=own)
+
+
+def one_pose(tree: Tree, configurations: Sequence[np.ndarray]) -> bool:
+    """Tell whether closed configurations, the first of which others were sought beside, are one."""
+    home, *others = configurations
+    far = (np.abs((q - home) / tree.units).max(initial=0.0) for q in others)
+    return max(far, default=np.inf) < ALONE
 
 
 def moved_notes(joints: JointMap, q: np.ndarray) -> tuple[str, ...]:

@@ -37,9 +37,9 @@ def body_poses(mechanism: Mechanism, tree: Tree) -> tuple[ca.SX, ca.SX]:
     return ca.vertcat(*origins), ca.vertcat(*[ca.vec(node.R.matrix.T) for node in nodes])
 
 
-def is_planar(tree: Tree) -> bool:
+def is_planar(tree: Tree, tool: Tool | None = None) -> bool:
     """Tell whether every body moves parallel to the ground's xy plane, by the directions of all
-    joint axes."""
+    joint axes, and a tool is seen from the ground or a body whose z axis is across that plane."""
     for node in tree.nodes:
         A = node.column_axes.matrix
         for column in node.columns:
@@ -48,7 +48,7 @@ def is_planar(tree: Tree) -> bool:
             across += [s[2]] if node.slides else []
             if not all(vanishes(component) for component in across):
                 return False
-    return True
+    return tool is None or vanishes(tree.node(tool.relative_to).R.matrix[2, 2] ** 2 - 1)
 
 
 def vanishes(expression: ca.SX) -> bool:
@@ -74,7 +74,7 @@ def tool_pose(tree: Tree, tool: Tool) -> ToolPose:
         return ToolPose(p, ca.vec(R.matrix.T), angle)
     base = tree.node(tool.relative_to)
     p = ca.mtimes(base.R.matrix.T, p - base.O - offset(base, np.zeros(3)))
-    angle = angle - planar_angle(base.R) if planar else angle
+    angle = (angle - planar_angle(base.R)) * base.R.matrix[2, 2] if planar else angle
     return ToolPose(p, ca.vec(ca.mtimes(R.matrix.T, base.R.matrix)), angle)
 
 

@@ -14,12 +14,15 @@ rows).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from hashlib import sha256
 from math import sqrt
 
 import numpy as np
 
 DEPENDENT_ROW = 1e-6  # what is left of a dependent row, over the longest row
+LAST: dict[tuple[bytes, tuple[int, ...], float], Reflections] = {}
+"""Those of the last matrix, by a digest of it, for matrices are large: its rows, what they hold and
+what they leave free are asked for one after the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +59,13 @@ def reflect(A: np.ndarray, dependent: float = DEPENDENT_ROW) -> Reflections:
 
     dependent: what is left of a dependent row, over the longest row
     """
-    return remembered(np.asarray(A, float).tobytes(), A.shape, dependent)
-
-
-@lru_cache(maxsize=1)
-def remembered(numbers: bytes, shape: tuple[int, ...], dependent: float) -> Reflections:
-    """Return the reflections of a matrix, given as bytes; those of the last one are remembered: its
-    rows, what they hold and what they leave free are asked for one after the other."""
-    return reflected(np.frombuffer(numbers).reshape(shape), dependent)[0]
+    A = np.ascontiguousarray(A, float)
+    key = sha256(A.data).digest(), A.shape, dependent
+    if (found := LAST.get(key)) is None:
+        found = reflected(A, dependent)[0]
+        LAST.clear()
+        LAST[key] = found
+    return found
 
 
 def reflected(A: np.ndarray, dependent: float = DEPENDENT_ROW) -> tuple[Reflections, np.ndarray]:

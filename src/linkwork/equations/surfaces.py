@@ -1,7 +1,8 @@
 """Where surfaces of two bodies meet: the gap between them and its gradient, as expressions.
 
 flat and ball    of the centre c in the frame of the flat surface z = h(x, y), radius R:
-                 g = (c_z - h(c_x, c_y)) - R sqrt(1 + h_x^2 + h_y^2),  exact for a plane
+                 g = (c_z - h(c_x, c_y)) - R sqrt(1 + h_x^2 + h_y^2),  exact for a plane;
+                 beyond an edge of the field, h_x or h_y under the root fade
 round and round  of the nearest points p_1, p_2 of two segments (a ball's is a point):
                  g = |p_2 - p_1| - R_1 - R_2
 box and others   of balls, capsules, corners and edges: `boxes`
@@ -108,11 +109,10 @@ def on_flat(
         return Meeting(gap, centre, R[:, 2], centre - (radius + gap / 2) * R[:, 2], R[:, 2])
     # Gap and slopes of a field at symbols, and then at the centre.
     c = SX.sym("c", 3)
-    h = height(surface, c[0], c[1])
-    slopes = ca.gradient(h, c)
-    steep = ca.sqrt(1 + ca.sumsqr(slopes[:2]))
-    gap = c[2] - h - radius * steep
-    up = ca.vertcat(-slopes[:2], 1) / steep
+    h, slopes = height(surface, c[0], c[1]), fading_slopes(surface, c[:2])
+    gap = c[2] - h - radius * ca.sqrt(1 + ca.sumsqr(slopes))
+    tilted = ca.vertcat(-ca.gradient(h, c)[:2], 1)
+    up = tilted / ca.norm_2(tilted)
     gap, up, along = ca.substitute([gap, up, ca.gradient(gap, c)], [c], [local])
     normal = ca.mtimes(R, up)
     return Meeting(gap, centre, ca.mtimes(R, along), centre - (radius + gap / 2) * normal, normal)
@@ -120,19 +120,39 @@ def on_flat(
 
 def height(field: HeightField, x: ca.SX, y: ca.SX) -> ca.SX:
     """Return the spline through a field's heights at x, y."""
+    s, _ = held(field, ca.vertcat(x, y))
+    return spline(field, s)
+
+
+def fading_slopes(field: HeightField, c: ca.SX) -> ca.SX:
+    """Return the slopes (2) of a field at a place (2); those at an edge fade within a cell beyond
+    it, so that what is made of them does not leap there."""
+    s, inside = SX.sym("s", 2), held(field, c)
+    slopes = ca.gradient(spline(field, s), s) / SX(np.array(field.spacing))
+    return ca.substitute(slopes, s, inside[0]) * ca.fmax(1 - inside[1] ** 2, 0) ** 2
+
+
+def held(field: HeightField, c: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return a place (2) in cells of a field, held within its edges, and how far it is beyond."""
+    cells = c / SX(np.array(field.spacing))
+    inside = ca.fmin(ca.fmax(cells, 0), SX(np.shape(field.heights)) - 1)
+    return inside, cells - inside
+
+
+def spline(field: HeightField, s: ca.SX) -> ca.SX:
+    """Return the spline through a field's heights at s (2), in cells."""
     table = ca.vertcat(*(ca.horzcat(*row) for row in field.heights))
-    weights = [
-        basis(ca.fmin(ca.fmax(s / step, 0), count - 1), count)
-        for s, step, count in zip((x, y), field.spacing, np.shape(field.heights), strict=True)
-    ]
-    across, along = (SX(through(count)) for count in np.shape(field.heights))
-    knots = ca.mtimes([across, SX(table), along.T])
-    return ca.mtimes([weights[0].T, knots, weights[1]])
+    counts = np.shape(field.heights)
+    weights = [basis(s[k], count) for k, count in enumerate(counts)]
+    across, along = (SX(through(count)) for count in counts)
+    return ca.mtimes([weights[0].T, ca.mtimes([across, SX(table), along.T]), weights[1]])
 
 
 def basis(s: ca.SX, count: int) -> ca.SX:
     """Return the basis splines (count + 2) about the places -1 ... count at s."""
-    far = [ca.fabs(s - place) for place in range(-1, count + 1)]
+    # Distances that have slopes of 1 also where they vanish: at a place, B'' is -2.
+    apart = [s - place for place in range(-1, count + 1)]
+    far = [a * ca.copysign(1, a) for a in apart]
     return ca.vertcat(*[ca.fmax(2 - d, 0) ** 3 / 6 - 2 * ca.fmax(1 - d, 0) ** 3 / 3 for d in far])
 
 

@@ -196,8 +196,8 @@ class System:
         if not any(watching or event.cuts for event in self.events):
             return None
         conditions = tuple(
-            Condition(event.terminal and watching, event.direction, event.cuts, event.borne)
-            for event in self.events
+            Condition(e.terminal and watching, e.direction, e.cuts, e.borne, e.meets)
+            for e in self.events
         )
         return Events(self.single(chart, "events").early_address, conditions)
 

@@ -10,8 +10,8 @@ import numpy as np
 from linkwork.errors import LinkworkError
 from linkwork.simulation.signals import Signal
 
-ENDS, CUTS, BORNE = 1.0, 2.0, 3.0
-"""What an event does: it ends the run, or a step; the last one tells of what bearings carry."""
+ENDS, CUTS, BORNE, MEETS = 1.0, 2.0, 3.0, 4.0
+"""What an event does: it ends the run, or a step; or, of bearings or of parts that meet."""
 
 
 @dataclass(frozen=True)
@@ -19,13 +19,15 @@ class Condition:
     """Say which zeros of an event function count: `terminal`, the run ends there; `direction`, 1
     for zeros passed upwards only, -1 for downwards, 0 for both; `cuts`, a step ends there, and the
     next one begins, as where a force sets in (steps of a fixed length do not); `borne`, of those,
-    it tells of what bearings carry, which is undefined wherever accelerations are.
+    it tells of what bearings carry, which is undefined wherever accelerations are; `meets`: of
+    parts that begin or cease to press, whose force grows from zero there.
     """
 
     terminal: bool = False
     direction: int = 0
     cuts: bool = False
     borne: bool = False
+    meets: bool = False
 
     def __post_init__(self):
         if self.direction not in (-1, 0, 1):
@@ -52,7 +54,10 @@ class Events:
         """The conditions as the compiled loops take them: a row for each, its direction and what it
         does, `ENDS`, `CUTS`, `BORNE` or 0."""
         rows = [
-            (c.direction, ENDS if c.terminal else BORNE if c.borne else CUTS * c.cuts)
+            (
+                c.direction,
+                ENDS if c.terminal else BORNE if c.borne else MEETS if c.meets else CUTS * c.cuts,
+            )
             for c in self.conditions
         ]
         return np.array(rows, float).reshape(-1, 2)

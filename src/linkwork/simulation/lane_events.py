@@ -40,8 +40,10 @@ from linkwork.simulation.lane_tables import (
     REJECTED_RESIDUAL,
     RESIDUAL,
     ROW,
+    START,
     STATUS,
     STEP,
+    STOP,
     TARGET,
     TIME,
     WANTED,
@@ -50,6 +52,7 @@ from linkwork.simulation.lane_tables import (
 )
 from linkwork.simulation.native_between import resized
 from linkwork.simulation.native_events import LOOKS, MOST
+from linkwork.simulation.native_loop import SMALLEST_STEP
 from linkwork.simulation.native_memory import INTEGRATION, furnish, integration_at, memory_for
 from linkwork.simulation.native_parts import (
     OK,
@@ -312,6 +315,8 @@ def set_step(alone, lane, signals, closure_tol, tables, places):
     alone.error = now[ERROR, lane]
     alone.pending, alone.evaluations = method.stages - known, 0
     alone.ailment, alone.least, alone.halted, alone.ends = OK, 0.0, 0, LOOKS
+    alone.target = now[TARGET, lane]
+    alone.shortest = SMALLEST_STEP * max(now[STOP, lane], now[STOP, lane] - now[START, lane])
 
 
 @njit(**OPTIONS)

@@ -142,6 +142,7 @@ def begin(kernels, p, plan, tolerance, conditions, signal, seen, given, save_at,
     # What stays as it is over the run.
     run.kernels, run.inputs, run.method = Kernels(*kernels), inputs, method
     course = run.course = RunCourse(*given)
+    run.shortest = SMALLEST_STEP * max(course.stop, course.stop - course.start)
     run.limits = StepLimits(
         pointer(tolerance), pointer(tolerance) + n,
         course.pivot_bound, course.closure_tol, course.stability, course.max_step,
@@ -295,8 +296,8 @@ def evaluate_first(run):
 @njit(**INLINED)
 def aim(run):
     """Choose the trial step; tell whether it is long enough to be one."""
-    course, h, fixed = run.course, run.rhythm.step, run.method.exponent == 0
-    if h < SMALLEST_STEP * max(course.stop, course.stop - course.start):
+    h, fixed = run.rhythm.step, run.method.exponent == 0
+    if h < run.shortest:
         run.status = run.cause
         return False
     # A step lands on the target (short of it by rounding only counts), or goes half of the way

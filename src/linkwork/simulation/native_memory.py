@@ -80,6 +80,7 @@ class Integration:
     held: Any
     times: Any
     asked: int
+    shortest: float
 
     t: float
     arrived: int

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from numba import njit
 
 from linkwork.simulation.compiled import INLINED, OPTIONS
-from linkwork.simulation.events import BORNE, CUTS, ENDS
+from linkwork.simulation.events import BORNE, CUTS, ENDS, MEETS
 from linkwork.simulation.native_events import (
     LOOKS,
     NEVER,
@@ -30,9 +30,16 @@ from linkwork.simulation.native_parts import (
     project,
     record,
 )
+from linkwork.simulation.native_watch import KEEN, defect_within
 
 CLOSE = 2.0**-40
 """How near to an event a step ends at it, relative to the time and to the step."""
+
+
+BEYOND = 4.0  # of the shortest step of a run: an event within that of a step's start is passed
+
+
+FAINT = 1e-3  # of what a function comes to within a step, below which it is zero at its start
 
 
 class EventPlaces(NamedTuple):
@@ -95,28 +102,48 @@ def record_events(run, due):
     return halted
 
 
+@njit(**INLINED)
+def touches(run, i):
+    """Tell whether function i, of parts that meet, is as good as zero at the start of a step,
+    beside what it comes to within it: its sign there is a matter of rounding, as of parts that are
+    laid on each other."""
+    scene, most = run.scene, 0.0
+    for j in range(1, run.ends + 1):
+        most = max(most, abs(scene.g[j * scene.count + i]))
+    return scene.conditions[2 * i + 1] == MEETS and abs(scene.g[i]) <= FAINT * most
+
+
 @njit(**OPTIONS)
 def cut(run):
     """Refuse a step past an event at which steps end, and aim at the first; tell whether it is
     refused.
 
     Behind the event the dense output is no guide. So steps are tried that end nearer and nearer to
-    it, until what is left is CLOSE to rounding: then the event lies at the end of the step.
+    it, until what is left is CLOSE to rounding: then the event lies at the end of the step. One
+    that no step is short enough to end at is passed. So is the first of parts that touch, which
+    k_0 has not felt: there the dense output is held against the equations.
     """
     scene, close = run.scene, CLOSE * max(1.0, abs(run.t / run.step))
+    reached, laid = max(close, BEYOND * run.shortest / run.step), False
     for j in range(run.ends):
         if cross(run, j) > 0:
             first = NEVER
             for i in range(scene.count):
-                if scene.conditions[2 * i + 1] >= CUTS and scene.crossings[i] > close:
-                    first = min(first, scene.crossings[i])
+                if scene.conditions[2 * i + 1] >= CUTS and scene.crossings[i] > reached:
+                    if j == 0 and touches(run, i):
+                        laid |= scene.crossings[i] != NEVER
+                    else:
+                        first = min(first, scene.crossings[i])
             if first != NEVER:
                 if first >= 1 - close:
                     return False
                 run.error, run.least = REFUSED, first * run.step
                 run.target = run.t + run.least
                 return True
-    return False
+    if laid:
+        defect, run.ailment = defect_within(run, 0.5)
+        run.error = max(run.error, KEEN * defect)
+    return run.ailment != OK or run.error > 1
 
 
 @njit(**INLINED)

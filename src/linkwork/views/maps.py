@@ -79,7 +79,8 @@ def plot_workspace(
     """
     if not hasattr(mapped, "data_vars"):
         raise LinkworkError(f"the map is {shown(mapped)}; give one of linkwork.analysis.workspace")
-    # What can be drawn over two or three coordinates of the pose.
+    # What can be drawn over two or three coordinates of the pose, those of one value left out.
+    mapped = mapped.isel({name: 0 for name in mapped.dims if mapped.sizes[name] == 1})
     known = {
         str(name): array.ndim
         for name, array in mapped.data_vars.items()
@@ -106,7 +107,7 @@ def plot_workspace(
             quantity, values
         )
         # Colours over the plane, or that there are none.
-        if np.isfinite(values).any() and min(values.shape) > 1:
+        if np.isfinite(values).any():
             painted = axes.pcolormesh(x, y, values, **shading)
             add_bar(axes, painted, mapped, quantity, values, FLAT_BAR)
         else:
