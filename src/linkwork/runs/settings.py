@@ -11,7 +11,6 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from linkwork.checks import MOST, count, finite, fraction, positive, shown
 from linkwork.errors import LinkworkError
@@ -34,7 +33,7 @@ def settings_of(**values: Any) -> Settings:
     return found if plain else found.but(save_at=asked_times(times))
 
 
-def asked_times(times: ArrayLike) -> np.ndarray:
+def asked_times(times: Any) -> np.ndarray:
     """Return the times to save; refuse what is not finite."""
     return np.atleast_1d(finite(times, "save_at"))
 
