@@ -9,9 +9,10 @@ import pytest
 
 import linkwork as lw
 from linkwork.cli import entries
-from linkwork.cli.goal_words import CONTROLLERS, GOALS
+from linkwork.cli.goal_words import CONTROLLERS, GOALS, Lead
 from linkwork.cli.measured_words import MeasuredWords
 from linkwork.cli.words import fields, values
+from linkwork.control.goals import target
 from linkwork.motions.tables import read_columns
 
 from tests.catalogue import built
@@ -73,6 +74,20 @@ def test_a_controller_leads_a_run_along_a_path_from_its_beginning(motion):
     heavy = "computed_torque kp=400 kd=40 model.platform.mass=2 sampled.rate=500"
     wrong = told(*words, "--controller", heavy)
     assert max(off["most"] for off in wrong["off_goal"].values()) > 1e-4
+
+
+@pytest.mark.parametrize("tabled", [False, True])
+def test_paths_of_many_turns_are_led_along(tabled, tmp_path):
+    """Between the samples that there are at least, too."""
+    robot, goal = built("prr3"), "circle centre=0.5,0.29 radius=0.03 orientation=1.2 turns=30"
+    path = lw.paths.circle([0.5, 0.29], 0.03, 1.2, turns=30)
+    fine = robot.follow(path, 1.0, samples=8001)
+    if tabled:
+        goal = str(tmp_path / "motion.csv")
+        lw.motions.write_csv(tmp_path / "motion.csv", fine, robot)
+    led = Lead("pd kp=400 kd=40", goal).reached(robot, fine.state.at(0), 1.0, 201)
+    wanted = target(led, robot.names).positions(fine.time)
+    assert np.allclose(wanted, fine.positions[:, :3], rtol=0, atol=1e-6)
 
 
 def test_a_controller_leads_the_tool_in_its_task(motion):

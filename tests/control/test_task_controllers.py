@@ -1,6 +1,8 @@
 """Controllers in task coordinates against the closed form of their error dynamics, virtual work,
 and what turns come back to."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -110,6 +112,22 @@ def test_a_motion_is_followed_by_its_states_and_gains_are_by_coordinate():
     for k, name in enumerate(robot.task):
         if abs(e[0, k]) > 0.01:
             require_second_order(e[:, k : k + 1], kp[name], kd[name])
+
+
+@pytest.mark.parametrize("law", [TaskComputedTorque, TaskPDWithGravity])
+def test_a_goal_may_change_between_runs(law):
+    """By name, or as states over time of the user's own: each run is led as by a new controller."""
+    robot = lw.Robot(lw.robots.prr3())
+    poses = [robot.assemble(tool=tool) for tool in ([0.5, 0.29, 0.6], [0.48, 0.31, 0.5])]
+    goal, own = {}, SimpleNamespace(time=np.array([0.0, 1.0]))
+    led = [law(each, 40.0, 9.0, robot) for each in (goal, own)]
+    for pose in poses:
+        goal.update(zip(robot.task, robot.task_values(pose), strict=True))
+        own.state = robot.state(np.tile(pose.positions, (2, 1)))
+        wanted = robot.simulate(robot.home, law(pose, 40.0, 9.0, robot), duration=0.1)
+        for kept in led:
+            found = robot.simulate(robot.home, kept, duration=0.1)
+            np.testing.assert_allclose(found.final.positions, wanted.final.positions, atol=1e-9)
 
 
 @pytest.mark.parametrize("robot", [name for name in RUN if name != "pointing"], indirect=True)

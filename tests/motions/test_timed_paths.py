@@ -143,6 +143,18 @@ def test_any_joints_that_determine_the_motion_may_be_led():
     assert run["joint_position"].values[-1] == pytest.approx(ahead.positions, abs=1e-6)
 
 
+@pytest.mark.parametrize("law", ["quintic", "septic", "cycloidal"])
+@pytest.mark.parametrize(("count", "samples"), [(2, 2), (100, 1001)])
+def test_signals_are_the_path_however_many_points_it_has(law, count, samples):
+    points = [{"a": x} for x in np.random.default_rng(0).uniform(-1, 1, count)]
+    timed = motions.blended(points, motions.AxisLimits(speed=1.0, acceleration=10.0), law=law)
+    times = np.linspace(0, timed.duration, 20_011)
+    place, rate, _ = timed.sample(times)
+    signal = timed.signal(samples=samples)
+    np.testing.assert_allclose(signal(times), place, atol=3e-6)
+    np.testing.assert_allclose(signal.derivative()(times), rate, atol=3e-3)
+
+
 def test_computed_torque_follows_the_exact_signal(robot):
     timed = motions.point_to_point(robot.home, ENDS[1], LIMITS)
     goal = timed.signal(robot.actuators)

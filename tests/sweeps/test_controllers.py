@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 import linkwork as lw
-from linkwork.control import LQR
+from linkwork.control import LQR, ComputedTorque
 from linkwork.mechanism import MechanismError
 from linkwork.sweeps import Study, StudyError
 from linkwork.sweeps.chunk import bench_of
@@ -93,6 +93,35 @@ def test_lqr_of_a_parallel_robot_is_that_of_the_library():
         np.testing.assert_allclose(
             found["joint_position"][i], run.variables["joint_position"].values, atol=1e-8
         )
+
+
+@pytest.mark.parametrize(("samples", "turns"), [(2, 1), (3, 2), (101, 20)])
+def test_paths_are_followed_whatever_times_are_looked_at(samples, turns):
+    """The run is that of the library along samples that lie close, and so is the tool's error."""
+    robot, path = lw.robots.prr3(), {"centre": (0.5, 0.29), "radius": 0.03, "orientation": 1.2}
+    plant, times, masses = lw.Robot(robot), np.linspace(0, 5, samples), (1.2, 2)
+    fine = plant.follow(lw.paths.circle(**path, turns=turns), 5.0, samples=3001)
+    goal = {"type": "circle", "turns": turns, **path}
+    found = whole(
+        Study(
+            robot=robot,
+            duration=5,
+            samples=samples,
+            controllers={"led": {"type": "computed_torque", "kp": 400, "kd": 40, "goal": goal}},
+            vary={"platform.mass": {"type": "values", "values": masses}},
+            outputs={"end": "final tool_pose"},
+            trajectories=("tool_pose", "tool_error"),
+            rtol=1e-9,
+        )
+    )
+    law, heavier = ComputedTorque(fine, 400.0, 40.0, plant), plant.free("platform.mass")
+    for i, mass in enumerate(masses):
+        given = {"parameters": {"platform.mass": mass}, "rtol": 1e-9, "save_at": times}
+        run = heavier.simulate(fine.state.at(0), law, duration=5.0, **given)
+        poses = plant.tool_pose(plant.state(run["joint_position"].values))
+        np.testing.assert_allclose(found["tool_pose"][i], poses, atol=5e-6)
+        wanted = fine.tool[:: 3000 // (samples - 1)]
+        np.testing.assert_allclose(found["tool_error"][i], poses - wanted, atol=5e-6)
 
 
 def test_weights_that_make_no_controller_are_told(monkeypatch):

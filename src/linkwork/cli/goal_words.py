@@ -17,7 +17,7 @@ from linkwork.motions.tables import read_columns
 from linkwork.robot import Motion, Robot, State
 from linkwork.simulation import Run
 from linkwork.sweeps.controllers import RECORDS
-from linkwork.sweeps.goals import AlongPath, Circle, Goal, Line, Pose, Through
+from linkwork.sweeps.goals import AlongPath, Circle, Goal, Line, Pose, Through, told
 
 PATHS: dict[str, type[AlongPath]] = {"circle": Circle, "line": Line, "through": Through}
 GOALS: dict[str, type[Goal]] = {"pose": Pose, **PATHS}
@@ -45,7 +45,12 @@ class Lead:
     def reached(self, robot: Robot, start: State, duration: float, samples: int) -> Any:
         """Return the goal, a state or a motion; start: where the robot is."""
         if self.goal is not None and tabled(self.goal):
-            return along(robot, self.goal, "--goal", duration, samples, start)
+            table = self.goal
+
+            def led(count: int) -> Motion:
+                return along(robot, table, "--goal", duration, count, start)
+
+            return told(led, robot.actuators, samples)
         if self.goal is None:
             return Pose().reached(robot, start, duration, samples)
         goal = record_of(self.goal, "--goal", GOALS, MeasuredWords(robot))

@@ -16,7 +16,7 @@ layer).
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, wraps
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar
@@ -63,6 +63,7 @@ class Controller(ActingPart, ABC):
 
     forms: ClassVar[tuple[Form, ...]] = ()
     still: ClassVar[bool] = False
+    _kept: dict[Any, tuple[Any, Any]] = field(default_factory=dict, init=False, repr=False)
 
     @abstractmethod
     def __call__(self, t: Any, state: Observation) -> Any:
@@ -78,6 +79,17 @@ class Controller(ActingPart, ABC):
     def led(cls, goal: Any, **given: Any) -> Self:
         """Return the controller to a goal with what one of its forms takes."""
 
+    def renewed(self, key: Any, goal: Any, find: Callable[[], Any]) -> Any:
+        """Return what a goal asks for: found once, but anew where it changed, or may have.
+
+        key: under which it is kept; find: how it is found.
+        """
+        now = dict(goal) if isinstance(goal, Mapping) else None
+        kept = self._kept.get(key)
+        if kept is None or kept[0] != now or not (now or of_package(goal)):
+            kept = self._kept[key] = now, find()
+        return kept[1]
+
 
 @dataclass(frozen=True, eq=False)
 class Follower(Controller):
@@ -85,26 +97,14 @@ class Follower(Controller):
     or a signal of them."""
 
     goal: Goal
-    _targets: dict[Names, tuple[Any, DesiredMotion]] = field(
-        default_factory=dict, init=False, repr=False
-    )
 
     @classmethod
     def led(cls, goal: Goal, **given: Any) -> Self:
         return cls(goal, **given)
 
     def asked(self, names: Names) -> DesiredMotion:
-        """Return what the goal asks of a robot: found once, but anew where it changed, or may
-        have.
-
-        names: of the robot's coordinates, rates and actuators.
-        """
-        goal = self.goal
-        now = dict(goal) if isinstance(goal, Mapping) else None
-        kept = self._targets.get(names)
-        if kept is None or kept[0] != now or not (now or of_package(goal)):
-            kept = self._targets[names] = now, target(goal, names)
-        return kept[1]
+        """Return what the goal asks of a robot with these names."""
+        return self.renewed(names, self.goal, lambda: target(self.goal, names))
 
     def errors(self, t: Any, state: Observation) -> tuple[Any, Any, Any]:
         """Return e, e' and x_d'' (na each).

@@ -109,10 +109,10 @@ class TaskFollower(Controller):
             )
         return found
 
-    @cached_property
+    @property
     def course(self) -> TaskCourse:
         """What the goal asks for over time."""
-        return task_course(self.goal, self.model, self.task)
+        return self.renewed((), self.goal, lambda: task_course(self.goal, self.model, self.task))
 
     @cached_property
     def dynamics(self) -> InverseDynamics:

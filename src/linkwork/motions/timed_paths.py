@@ -29,6 +29,8 @@ from linkwork.simulation import Sampled, Signal, as_signal
 
 Point = State | Mapping[str, float] | Sequence[float] | np.ndarray
 MOST_SAMPLES = 1_000_000
+CLOSE, ROUNDING = 1e-6, 1e-12  # how far a signal may be off: of a range; [m, rad]
+ASIDE = 0.37  # of an interval: where that is looked at, beside the symmetry of its middle
 ALONG = 1e-9
 """How far the speed along a path of unit rate may vary, over itself, and still count as
 constant."""
@@ -98,14 +100,16 @@ class TimedPath:
     def signal(self, names: Sequence[str] = (), *, samples: int = 1001) -> Signal:
         """Return the coordinates as a signal, for a controller to follow.
 
-        Polynomials of degree 3 at most are told exactly, others by a spline through samples.
+        Polynomials of degree 3 at most are told exactly, others by a spline through samples, which
+        is the path but for 1e-6 of its range.
 
         Args:
             names: joints in the order that is wanted; that of the path if left out.
-            samples: number of equally spaced times.
+            samples: number of equally spaced times, of which twice as many are taken, and again,
+                where these are too few.
 
         Raises:
-            LinkworkError: names that the path does not have.
+            LinkworkError: names that the path does not have; a path that samples do not tell.
         """
         wanted = [*checks.names(names, "names")] or [*self.names]
         checks.known(wanted, self.names, "coordinate of the path")
@@ -115,8 +119,18 @@ class TimedPath:
             rows = np.zeros((len(given), 4, given.shape[2]))
             rows[:, : given.shape[1]] = given
             return Signal(self.profile.knots, rows, np.empty(0))
-        times = np.linspace(0, self.duration, sample_count(samples))
-        return as_signal(Sampled(times, self.sample(times)[0][:, columns]))
+        count = sample_count(samples)
+        while count <= MOST_SAMPLES:
+            times = np.linspace(0, self.duration, count)
+            found = as_signal(Sampled(times, self.sample(times)[0][:, columns]))
+            between = times[:-1] + ASIDE * np.diff(times)
+            wanted = self.sample(between)[0][:, columns]
+            if (np.abs(found(between) - wanted) <= CLOSE * np.ptp(wanted, axis=0) + ROUNDING).all():
+                return found
+            count = 2 * count - 1
+        raise LinkworkError(
+            f"{MOST_SAMPLES} samples do not tell the path between them; give it in parts"
+        )
 
     def __repr__(self) -> str:
         what = ", ".join(self.names) or "tool's pose"

@@ -4,16 +4,21 @@ them to states or motions."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
 from linkwork import paths
 from linkwork.control.plant import Plant
+from linkwork.errors import LinkworkError
 from linkwork.mechanism.record import PathName, Real, Record
+from linkwork.simulation import Sampled
 
 Numbers = tuple[Real, ...]
+FEWEST, MOST = 16, 2**16  # intervals between the times that tell how a path is run through
+CLOSE, ROUNDING = 1e-5, 1e-10  # how far a spline through them may be off: of a range; [m, rad]
 
 
 class Goal(Record, ABC):
@@ -21,7 +26,8 @@ class Goal(Record, ABC):
 
     @abstractmethod
     def reached(self, robot: Plant, start: Any, duration: float, samples: int) -> Any:
-        """Return a state or a motion; start: where to look for it from."""
+        """Return a state or a motion; start: where to look for it from; samples: how many times a
+        motion has, or a whole number of intervals for each of theirs."""
 
 
 class Pose(Goal):
@@ -46,7 +52,10 @@ class AlongPath(Goal, ABC):
         """The path."""
 
     def reached(self, robot, start, duration, samples) -> Any:
-        return robot.follow(self.path, duration, samples=samples, guess=start)
+        def led(count: int) -> Any:
+            return robot.follow(self.path, duration, samples=count, guess=start)
+
+        return told(led, robot.actuators, samples)
 
 
 class Line(AlongPath):
@@ -87,6 +96,49 @@ class Through(AlongPath):
     @property
     def path(self) -> paths.Path:
         return paths.through(self.poses)
+
+
+def told(led: Callable[[int], Any], actuators: Sequence[str], samples: int) -> Any:
+    """Return a motion of so many samples, or of so many intervals for each of theirs, that the
+    spline through them, which controllers follow, is the way between them, too.
+
+    Args:
+        led: gives the motion of a number of samples; actuators: names of the driven joints.
+        samples: how many there are at least.
+
+    Raises:
+        LinkworkError: a way that no number of samples tells.
+    """
+    intervals = samples - 1
+    while intervals < FEWEST:
+        intervals *= 2
+    motion = led(intervals + 1)
+    while intervals < MOST:
+        finer = led(2 * intervals + 1)
+        if near_spline(motion, finer, actuators):
+            return motion
+        motion, intervals = finer, 2 * intervals
+    if intervals > samples - 1:
+        raise LinkworkError(
+            f"the path turns too often to be led along it: {MOST} samples do not tell the way "
+            "between them; give fewer turns, or a path in parts"
+        )
+    return motion
+
+
+def near_spline(motion: Any, finer: Any, actuators: Sequence[str]) -> bool:
+    """Tell whether the spline through a motion's samples has the driven joints, or the tool where
+    none has a coordinate, where a finer motion has them."""
+    led, found = (
+        np.stack(
+            [each.state[name] for name in actuators if name in each.state.coordinates]
+            or [*each.tool.T],
+            axis=-1,
+        )
+        for each in (motion, finer)
+    )
+    off = np.abs(Sampled(motion.time, led)(finer.time) - found)
+    return bool((off <= CLOSE * np.ptp(found, axis=0) + ROUNDING).all())
 
 
 AnyGoal = Annotated[Pose | Line | Circle | Through, Field(discriminator="type")]

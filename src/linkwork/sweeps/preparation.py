@@ -340,8 +340,10 @@ class Bench:
         found = []
         for case in self.cases:
             goal = case.goal
-            moves = isinstance(goal, Motion)
-            q = goal.state.q if moves else np.tile(goal.q, (len(self.times), 1))  # pyright: ignore
+            if isinstance(goal, Motion):
+                q = goal.state.q[:: (len(goal.time) - 1) // (len(self.times) - 1)]
+            else:
+                q = np.tile(goal.q, (len(self.times), 1))  # pyright: ignore
             found.append(self.robot.tool_poses(q))
         return found
 
