@@ -12,4 +12,4 @@ class ModelWarning(UserWarning):
     """Tell how a mechanism moves otherwise than the model file that it was read from says, that its
     home is beside a reference at which branches meet, that joints lead beyond a singular pose, that
     a run begins where a cable leaps, that steps of a stepper are too long where it begins, or that
-    a motion passes where its actuators do not hold it."""
+    a motion passes where its actuators do not hold it, or has few samples for what follows it."""

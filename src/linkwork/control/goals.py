@@ -2,11 +2,12 @@
 sampled coordinates.
 
 x_d(t), x_d'(t), x_d''(t)  of a motion: one spline of its coordinates, and that spline's own
-derivatives
+derivatives; where its samples are too few for that, by its own rates, this is warned of
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,8 +18,12 @@ import numpy as np
 from linkwork import checks
 from linkwork.control.observation import Names
 from linkwork.control.plant import NamedCoordinates, TimedStates
-from linkwork.errors import LinkworkError
+from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.simulation import Sampled, Signal, as_signal
+
+FEW = 0.01
+"""Of its largest rate, by which that of a spline may differ from a motion's own: it is then off by
+some 0.2 % of the range."""
 
 Goal: TypeAlias = NamedCoordinates | TimedStates | Mapping[str, float] | Sampled | Signal
 
@@ -81,6 +86,7 @@ def target(goal: Goal, names: Names) -> DesiredMotion:
     # A motion, read off its states.
     if hasattr(goal, "time") and hasattr(goal, "state"):
         columns = [goal.state[name] for name in names.actuators]  # pyright: ignore
+        warn_of_few(goal)
         led = Sampled(goal.time, np.stack(columns, axis=-1))  # pyright: ignore
         return DesiredMotion(as_signal(led))
     # One place: a state, or coordinates by name.
@@ -101,3 +107,28 @@ def target(goal: Goal, names: Names) -> DesiredMotion:
             f"{', '.join(names.actuators)}"
         ) from None
     return DesiredMotion(as_signal(values))
+
+
+def warn_of_few(goal: Any) -> None:
+    """Warn where the spline through a motion's samples has other rates there than the motion
+    itself: between them it goes another way."""
+    known = getattr(goal.state, "coordinates", ())
+    named = enumerate(getattr(goal.state, "independent", ()))
+    joints = [(k, name) for k, name in named if name in known]
+    if not joints or len(goal.time) < 2:
+        return
+    # Of each joint, over the largest rate that it has; of one that hardly moves, over a part of
+    # that of all.
+    own = goal.state.rates[:, [k for k, _ in joints]]
+    led = Sampled(goal.time, np.stack([goal.state[name] for _, name in joints], axis=-1))
+    rates = as_signal(led).derivative()(goal.time)
+    largest = np.abs([own, rates]).max(axis=(0, 1))
+    off = np.abs(rates - own).max(axis=0) / np.maximum(largest, FEW * largest.max() or 1.0)
+    if off.max() > FEW:
+        warnings.warn(
+            f"the {len(goal.time)} samples of the motion are few for the spline through them, "
+            f"which is followed: its rates at the samples differ by {off.max():.2g} of the largest "
+            "from the motion's own; give it more samples",
+            ModelWarning,
+            stacklevel=2,
+        )

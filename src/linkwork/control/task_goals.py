@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from linkwork import checks
-from linkwork.control.goals import DesiredMotion
+from linkwork.control.goals import DesiredMotion, warn_of_few
 from linkwork.control.plant import NamedCoordinates, TaskPlant, TimedStates
 from linkwork.equations.task import held_task, whole_rotation
 from linkwork.errors import LinkworkError
@@ -77,6 +77,8 @@ def smooth(goal: Any, model: TaskPlant, task: Task) -> Signal:
             f"the goal is {goal!r}; give a state, a motion, coordinates by name, or a signal of "
             f"{', '.join(labels(task))}"
         )
+    if moving:
+        warn_of_few(goal)
     require_regular_goal(model, task, states, goal.time if moving else np.zeros(1))
     held = held_task(task)
     values = np.atleast_2d(model.task_values(states, labels(held)))
