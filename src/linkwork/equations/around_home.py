@@ -99,7 +99,7 @@ def closed_samples(
     own = len(independent_rows([samples[1][0]]))
     rank = own if own == len(rows.names) else len(independent_rows([*samples[1]]))
     if own < samples[1].shape[2] and one_pose(tree, samples[0]):
-        raise MechanismError(SHAKY, ("reference",))
+        rounded += (SHAKY,)
     if own == rank and not (nearly and beside_singular(samples[1])):
         return ClosedSamples(rows, *samples, moved_notes(joints, reference), rounded)
     beside = bent(tree, rows, reference, rank)

@@ -238,9 +238,8 @@ def hung(joints: Sequence[PairJoint]) -> bool:
     """Tell whether there are three or more ball joints, and none of another type but rods and free
     joints."""
     others = [joint for joint in joints if pattern(joint) != ("ball",)]
-    return len(joints) - len(others) >= 3 and not any(
-        complete(joint) and rows_of(joint) for joint in others
-    )
+    held = any(complete(joint) and rows_of(joint) for joint in others)
+    return len(joints) - len(others) >= 3 and not held
 
 
 def has_effects(joint: PairJoint) -> bool:

@@ -319,11 +319,13 @@ class Passage:
     ) -> Trajectory:
         chart, t, settings = stand.chart, stand.t, self.settings
         first = t == self.start and stand.method is settings.integrator
-        steps = stand.trial.portion(min(stand.steps, portion(stand.q.size)))
+        steps = min(stand.steps, portion(stand.q.size))
         pace = stand.pace or (self.pace if first else None) or stand.first_step
-        going_on = stand.bound, steps, save_at, pace, stand.control, stand.turns
         y, problem = np.concatenate((stand.q, stand.v)), self.problem(chart, stand.method, inputs)
-        problem = problem._replace(leave_stiff=problem.leave_stiff and not stand.trial.waits)
+        if any(stand.trial):
+            steps = stand.trial.portion(steps)
+            problem = problem._replace(leave_stiff=problem.leave_stiff and not stand.trial.waits)
+        going_on = stand.bound, steps, save_at, pace, stand.control, stand.turns
         return advanced(problem, y, TimeSpan(stand.q.size, t, end, *going_on))
 
     def problem(self, chart: CompiledChart, method: Method, inputs: Signal) -> Problem:
