@@ -62,7 +62,9 @@ class MemberMoments:
     def __add__(self, other: MemberMoments) -> MemberMoments:
         count = self.count + other.count
         step = other.mean - self.mean
-        less, more = other.least < self.least, other.largest > self.largest
+        # What is no number counts as both, wherever it stands.
+        less = ~np.isnan(self.least) & ~(other.least >= self.least)
+        more = ~np.isnan(self.largest) & ~(other.largest <= self.largest)
         return MemberMoments(
             count,
             self.mean + step * other.count / count,
