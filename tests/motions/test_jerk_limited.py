@@ -169,3 +169,21 @@ SLOT = motions.gcode("G21 G90\nG0 X0 Y0\nG1 X50 F6000\nG3 X50 Y20 J10\nG1 X0", S
 def test_refusals(call, said):
     with pytest.raises(LinkworkError, match=said):
         call()
+
+
+@pytest.mark.parametrize("points", [51, 101])
+@pytest.mark.parametrize("jerk", [None, 160.0])
+def test_a_path_through_an_actuator_singular_pose_is_refused(points, jerk):
+    """Where it lies between two points of the grid, at which forces are within their limits, too:
+    the determinant of the forward kinematics has another sign on either side."""
+    robot = built("prr3")
+    given = [0.513, 0.295, 0.7], [0.5295, 0.3021, 0.6471], [0.4792, 0.3014, 0.6626]
+    path = paths.through([*given, [0.4941, 0.2919, 0.5154]])
+    ends = robot.follow(path, 1.0, samples=401).state
+    det = [np.linalg.det(lw.analysis.input_output(robot, ends.at(k))[0]) for k in (0, 200)]
+    assert det[0] * det[1] < 0
+    limits = motions.ActuatorLimits(force=1e4, power=1e3, jerk=jerk)
+    with pytest.raises(LinkworkError, match=r"(actuator-|is )singular"):
+        motions.fastest(robot, path, limits, points=points)
+    free = motions.ActuatorLimits(speed=1.0, acceleration=5.0)
+    assert motions.fastest(robot, path, free, points=points).duration > 0

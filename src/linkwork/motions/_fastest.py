@@ -26,7 +26,7 @@ from linkwork.mechanism.bearing import require_no_bearings
 from linkwork.mechanism.limits import speed_limited
 from linkwork.model.state import State
 from linkwork.motions._follow import follow, require_vectors
-from linkwork.motions.driven_way import BETWEEN, CORNER, DrivenWay, refuse_leap
+from linkwork.motions.driven_way import BETWEEN, CORNER, DrivenWay, refuse_leap, refuse_passing
 from linkwork.motions.jerk_limited import gentlest
 from linkwork.motions.laws import Limit
 from linkwork.motions.pushed_cables import warn_of_pushing_along
@@ -189,6 +189,7 @@ def least_time(
         motion = follow(robot, shape, samples=samples, guess=guess, keep_limits=False)
     way = DrivenWay(robot, motion)
     refuse_leap(way.rates, motion.time, float(np.abs(way.rates).max()), CORNER)
+    refuse_passing(way, own, motion.time)
     x = verified(way, own, timed.path.knots)
     law = law_of_squares(motion.time[::BETWEEN], x[::BETWEEN])
     return TimedPath(replace(timed.path, law=law.law), law.duration, timed.names)

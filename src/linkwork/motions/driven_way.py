@@ -11,6 +11,7 @@ import numpy as np
 
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.limits import undriven_speeds
+from linkwork.model.passing import singularities_passed
 from linkwork.model.state import Motion
 from linkwork.motions.reachability import Constraints
 from linkwork.robot import Robot
@@ -165,4 +166,18 @@ def refuse_leap(values: np.ndarray, s: np.ndarray, size: float, what: str) -> No
         raise LinkworkError(
             f"between s = {s[k]:.4g} and {s[k + 1]:.4g} (of 1) {what}; give its smooth parts one "
             "by one, or a path without"
+        )
+
+
+def refuse_passing(way: DrivenWay, limits: Mapping[str, np.ndarray], s: np.ndarray) -> None:
+    """Refuse a path that passes, between two points of the grid, where the actuators do not hold
+    the robot, if they have limits of force or power; s: of the path at the points."""
+    if not np.isfinite([limits["force"], limits["power"]]).any():
+        return
+    for times in singularities_passed(way.robot, way.motion)[:1]:
+        first, last = np.interp(times, way.motion.time, s)
+        raise LinkworkError(
+            f"between s = {first:.4g} and {last:.4g} of the path (of 1) it passes where the "
+            "actuators do not hold the robot (actuator-singular), for which no force is enough; "
+            "give another path, or another branch"
         )

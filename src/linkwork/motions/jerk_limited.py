@@ -34,7 +34,7 @@ from linkwork.errors import LinkworkError
 from linkwork.ipopt import Programme
 from linkwork.model.state import Motion, State
 from linkwork.motions._follow import follow
-from linkwork.motions.driven_way import BETWEEN, CORNER, DrivenWay, refuse_leap
+from linkwork.motions.driven_way import BETWEEN, CORNER, DrivenWay, refuse_leap, refuse_passing
 from linkwork.motions.profiles import Profile
 from linkwork.motions.reversals import reversals
 from linkwork.motions.timed_paths import TimedPath
@@ -78,6 +78,7 @@ def gentlest(
     size = float(np.abs(way.rates).max())
     refuse_leap(way.rates, s, size, CORNER)
     refuse_leap(way.bends[:, np.isfinite(limits["jerk"])], s, size, CURVATURE)
+    refuse_passing(way, limits, s)
     refuse_unheld(way, limits, s)
     # Cubics between its points, the law of the path, and what holds between them.
     profile = settled(way, limits, (orders[0] == 1, orders[1] == 1)).profile
