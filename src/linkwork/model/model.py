@@ -77,9 +77,10 @@ class Model(SetOnce):
         self.idle: tuple[str, ...] = self.equations.idle
         self.notes: tuple[str, ...] = self.equations.notes
         self.mobility: int = self.equations.mobility
-        tree, tool = self.equations.tree, mechanism.first_tool if mechanism.tools else None
-        self.planar: bool = body_motion.is_planar(tree, tool)
-        self.gruebler: int = mobility.gruebler(mechanism, body_motion.is_planar(tree))
+        tool = mechanism.first_tool if mechanism.tools else None
+        self.planar: bool = body_motion.is_planar(self.equations.tree, tool)
+        in_plane = self.planar or body_motion.is_planar(self.equations.tree)
+        self.gruebler: int = mobility.gruebler(mechanism, in_plane)
         # Charts by what asks for them: independent rates by name, elimination of runs.
         self.charts = Charts(self.p, {self.independent: self.chart})
         self.run_charts = Charts(self.p, {self.chart.key: self.chart})

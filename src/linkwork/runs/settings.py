@@ -24,13 +24,12 @@ TIGHT = 1e-6  # relative tolerance from which on the method of order 7 pays
 
 def settings_of(**values: Any) -> Settings:
     """Return settings: those that were made before, where the same was asked for lately."""
-    times = values.get("save_at")
-    plain = times is None or values.get("samples") is not None
+    times = values.get("save_at") if values.get("samples") is None else None
     try:
-        found = _kept(**values if plain else values | {"save_at": None})
+        found = _kept(**values if times is None else values | {"save_at": None})
     except TypeError:  # a list or an array among them
         return Settings(**values)
-    return found if plain else found.but(save_at=asked_times(times))
+    return found if times is None else found.but(save_at=asked_times(times))
 
 
 def asked_times(times: Any) -> np.ndarray:

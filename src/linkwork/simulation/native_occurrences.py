@@ -35,10 +35,7 @@ from linkwork.simulation.native_watch import KEEN, defect_within
 CLOSE = 2.0**-40
 """How near to an event a step ends at it, relative to the time and to the step."""
 
-
 BEYOND = 4.0  # of the shortest step of a run: an event within that of a step's start is passed
-
-
 FAINT = 1e-3  # of what a function comes to within a step, below which it is zero at its start
 
 
