@@ -330,6 +330,9 @@ def main() -> None:
     for leg in LEGS:
         if given.only and not any(word in leg.name for word in given.only):
             continue
+        if not (given.folder / leg.file).exists():
+            print(f"{leg.name}: not looked at, for {leg.file} is not there")
+            continue
         model = read(leg, given.folder)
         found = errors(model)
         parts = " ".join(f"{name} {error:.0e}" for name, error in found.items())
