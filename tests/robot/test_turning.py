@@ -259,3 +259,24 @@ def test_quaternions_keep_their_length_however_far_a_body_flies(method):
         "joint_position"
     ].values
     assert (alone == found[1]).all() and abs(alone[-1, 2]) > 1
+
+
+def test_quaternions_keep_their_length_however_far_a_body_is():
+    """No loop opens by where bodies are that hang together in nothing."""
+    sphere = lw.Body(mass=1.0, inertia=lw.Inertia(xx=1e-4, yy=2e-4, zz=3e-4))
+    joint = lw.FreeJoint(connects=("ground", "body"))
+    free = lw.Mechanism(bodies={"body": sphere}, joints={"free": joint}, gravity=(0, 0, 0))
+    robot = lw.Robot(free)
+    far = {name: float(robot.home[name]) for name in robot.coordinates} | {"free.y": 100.0}
+    robot = lw.Robot(free.model_copy(update={"reference": far}))
+    run = robot.simulate(robot.home.with_rates([0, 0, 0, 0.1, 3, 0.2]), duration=10.0)
+    assert run.closure_error < 1e-13
+
+
+def test_slides_and_angles_make_the_closure_looser_once_each():
+    """A gantry whose slide is far out: lengths count by the own one, angles by radians."""
+    far = lw.Robot(lw.robots.slider_crank())
+    slide = next(x for x in far.coordinates if far.unit(x) == "m")
+    lengths = abs(float(far.home[slide])) / far.equations.tree.length
+    turned = [abs(float(far.home[x])) for x in far.coordinates if far.unit(x) == "rad"]
+    assert far.size <= max(1.0, lengths) * max(1.0, *turned) * (1 + 1e-12)

@@ -109,12 +109,12 @@ class Labels:
             q: the tree's coordinates (nq); positions: coordinates of all joints (m), at the
                 reference.
         """
-        tree = self.equations.tree
+        if not self.equations.rows.Phi.size1():
+            return 1.0  # quaternions alone are held to their lengths
+        tree, units = self.equations.tree, self.units
         frames = [frame for joint in mechanism.pairs.values() for frame in joint.frames]
         lengths = [abs(x) for frame in frames for x in frame.position]
-        lengths += [
-            abs(x)
-            for x, label in zip(positions, mechanism.coordinates, strict=True)
-            if self.unit(label) == "m"
-        ]
-        return max(1.0, max(lengths) / tree.length) * max(1.0, float(np.abs(q / tree.units).max()))
+        places = zip(mechanism.coordinates, positions, strict=True)
+        lengths += [abs(x) for label, x in places if units[label] == "m"]
+        turned = [units[label] != "m" for label in tree.coordinates]
+        return max(1.0, max(lengths) / tree.length) * float(np.abs(q[turned]).max(initial=1.0))
