@@ -311,6 +311,16 @@ def measured_as(accelerations, forces):
             "the forces come labelled hinge_2, hinge_1; give",
         ),
         (
+            lambda: periodic(
+                arm(), np.arange(20) / 4, named(20), named(20), period=1.0, harmonics=2
+            ),
+            "do not tell 2 harmonics apart; measure at other times",
+        ),
+        (
+            lambda: base_parameters(arm(), 2 * ["hinge_1.friction.coulomb"]),
+            "effects names 'hinge_1.friction.coulomb' twice; give it once",
+        ),
+        (
             lambda: identify(arm(), measured_as(named(9, -1), named(9))),
             "the measured accelerations come labelled hinge_2, hinge_1; give",
         ),

@@ -243,3 +243,12 @@ def test_home_is_told_and_that_it_passes_limits(tmp_path):
     assert fact(text, "home").startswith(f"{name} {mechanism.reference[name]:.5g}; x ")
     assert "is above its upper limit" in fact(text, "limits passed")
     assert "limits passed" not in call("info", "slider_crank").stdout
+
+
+def test_a_pose_relative_to_another_body_is_told_so(capsys, without_kernels):
+    mechanism = lw.robots.prr3()
+    own = lw.Tool(body="platform", relative_to="link_1")
+    fields = {name: getattr(mechanism, name) for name in type(mechanism).model_fields}
+    robot = lw.Robot(lw.Mechanism(**fields | {"tools": {"hand": own}}))
+    info.print_tables(info.structure(robot) | {"kernels": []}, info.at_home(robot))
+    assert "relative to link_1" in " ".join(capsys.readouterr().out.split())

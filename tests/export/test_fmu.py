@@ -437,6 +437,20 @@ def test_what_cannot_be_set_is_refused_in_words(folder):
     assert one.said.pop() == "there is no number of this reference"
 
 
+def test_numbers_that_no_description_holds_are_refused_in_words(folder):
+    robot = built("prr3").free("platform.mass", "platform.com.x")
+    one = Instance(fmus.built(export(robot), folder), me=False)
+    one.initialise()
+    mass, place = (name for name in one.names if name.startswith("parameter."))
+    with pytest.raises(Exception, match="discard"):
+        one.set(mass, -1.0)
+    assert one.said.pop() == f"keeps its value, for another is below its least: {mass}"
+    assert one.get(mass)[0] == robot.parameters["platform.mass"]
+    one.set(place, -0.01)
+    one.set(mass, 0.5)
+    assert [*one.get(mass, place)] == [0.5, -0.01]
+
+
 def test_another_token_makes_no_instance(folder):
     file = fmus.built(own("prr3"), folder)
     with pytest.raises(Exception, match="Failed to instantiate"):

@@ -147,6 +147,7 @@ def test_the_description_tells_units_and_what_depends_on_what(tmp_path):
     assert variables["q.slide_1"].get("declaredType") == "Length"
     assert variables["parameter.platform.mass"].get("unit") == "kg"
     assert variables["parameter.platform.mass"].get("variability") == "tunable"
+    assert variables["parameter.platform.mass"].get("min") == "0.0"
     inputs = {variables[f"force.{each}"].get("valueReference") for each in robot.actuators}
     on = {
         each.get("valueReference"): {*(each.get("dependencies") or "").split()}

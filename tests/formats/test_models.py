@@ -28,6 +28,20 @@ def test_native_files_are_mechanism_files(suffix, tmp_path):
     assert imported.notes == ()
 
 
+@pytest.mark.parametrize("suffix", [".xml", ".urdf", ".sdf"])
+def test_what_model_files_leave_out_of_tools_is_told(suffix, tmp_path):
+    """They have frames alone, not what a tool's pose is relative to, nor how it is led."""
+    plain = lw.robots.puma560()
+    fields = {name: getattr(plain, name) for name in type(plain).model_fields}
+    body = next(iter(plain.tools.values())).body
+    task = ("x", "y", "z", "roll", "pitch", "yaw")
+    tools = {"tip": lw.Tool(body=body, relative_to="link_1", task=task), "rest": lw.Tool(body=body)}
+    notes = save(lw.Mechanism(**fields | {"tools": tools}), tmp_path / f"robot{suffix}")
+    told = [note for note in notes if note.startswith("tools.")]
+    assert len(told) == 2 and "its task is left out" in told[0]
+    assert told[1].endswith("is that in the ground, and not relative to 'link_1'")
+
+
 @pytest.mark.parametrize("text", [samples.TREE, samples.URDF], ids=["mjcf", "urdf"])
 def test_what_is_read_can_be_written_as_a_mechanism_file(text, tmp_path):
     source, target = tmp_path / "model.xml", tmp_path / "model.yaml"

@@ -1,10 +1,12 @@
-"""Units of free parameters: those of the fields that they are, and where they are told."""
+"""Units and least values of free parameters: those of the fields that they are, and where they are
+told."""
 
 import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.mechanism.parameter_units import unit_of_parameter
+from linkwork.mechanism.parameter_units import least_of_parameter, unit_of_parameter
+from linkwork.runs.members import allowed
 from linkwork.views import write_report
 
 from tests.catalogue import built
@@ -27,6 +29,21 @@ UNITS = {
 @pytest.mark.parametrize("path", UNITS)
 def test_numbers_have_the_units_of_their_fields(path):
     assert unit_of_parameter(lw.robots.prr3(), path) == UNITS[path]
+
+
+@pytest.mark.parametrize("path", [path for path in UNITS if path != "kp"])
+def test_the_least_numbers_are_the_least_that_descriptions_hold(path):
+    mechanism = lw.robots.prr3()
+    least = least_of_parameter(mechanism, path)
+    assert (least is None) == allowed(mechanism, {path: -1e-9})
+    assert least is None or allowed(mechanism, {path: least})
+
+
+def test_what_has_to_be_above_zero_has_the_smallest_number_above_for_its_least():
+    rod = next(name for name, joint in lw.robots.delta().joints.items() if joint.type == "rod")
+    least = least_of_parameter(lw.robots.delta(), f"{rod}.length")
+    assert least is not None and 0 < least < 1e-300
+    assert not allowed(lw.robots.delta(), {f"{rod}.length": 0.0})
 
 
 def test_freedoms_that_slide_and_those_that_turn_are_told_apart():

@@ -49,6 +49,70 @@ def test_a_slide_is_driven_bang_bang_and_coasts_at_its_speed_limit(rail):
     assert duration(rail, *way, acceleration=2.0) == pytest.approx(2 * np.sqrt(WAY / 2), rel=1e-13)
 
 
+SMOOTH = motions.AxisLimits(speed=1.0, acceleration=2.0, jerk=9.0)
+
+
+def test_paths_that_begin_and_end_at_rest_by_their_own_time_are_led_as_others(rail):
+    """Their parameter is the time of an S-curve, whose first two derivatives vanish there."""
+    path = motions.blended([{"x": 0.0}, {"x": WAY}], SMOOTH)
+    quick = motions.fastest(rail, path, motions.ActuatorLimits(force=FORCE))
+    assert quick.duration == pytest.approx(2 * np.sqrt(WAY * MASS / FORCE), rel=1e-12)
+    at = np.array([0.25, 0.5, 0.75]) * quick.duration
+    expected = [WAY / 8, WAY / 2, 7 * WAY / 8]
+    assert quick.sample(at)[0][:, 0] == pytest.approx(expected, rel=1e-9)
+    assert motions.follow(rail, quick).positions[-1] == pytest.approx([WAY], rel=1e-12)
+
+
+@pytest.mark.parametrize("blend", [0.3, 0.5])
+def test_a_blended_cycle_is_run_through_at_the_limits_of_two_slides(blend):
+    """Its way is the same, and the forces are known from differences of the places."""
+    robot = crossed()
+    points = [{"x": 0.0, "y": 0.0}, {"x": 0.6, "y": 0.0}]
+    path = motions.pick_and_place(*points, lift={"y": 0.2}, limits=SMOOTH, blend=blend)
+    quick = motions.fastest(robot, path, motions.ActuatorLimits(force=FORCE))
+    t, h = np.linspace(0, quick.duration, 4001, retstep=True)
+    x, v, _ = quick.sample(t)
+    force = np.array([2 * MASS, MASS]) * np.diff(x, 2, axis=0) / h**2
+    reached = np.abs(force).max(axis=1) / FORCE
+    assert reached.max() <= 1 + 1e-3 and np.median(reached) > 0.9
+    assert np.gradient(x, h, axis=0)[1:-1] == pytest.approx(v[1:-1], abs=5e-3)
+    places = path.sample(np.linspace(0, path.duration, 20001))[0]
+    off = [np.linalg.norm(places - place, axis=1).min() for place in x[::200]]
+    assert max(off) < 1e-4
+
+
+def test_corners_that_a_grid_does_not_tell_are_refused_and_told_by_a_finer_one():
+    robot, force = crossed(), motions.ActuatorLimits(force=FORCE)
+    points = [{"x": 0.0, "y": 0.0}, {"x": 0.6, "y": 0.0}]
+    path = motions.pick_and_place(*points, lift={"y": 0.2}, limits=SMOOTH, blend=0.2)
+    with pytest.raises(LinkworkError, match="within a few points of the grid, more points"):
+        motions.fastest(robot, path, force, points=101)
+    assert motions.fastest(robot, path, force, points=1601).duration < path.duration
+
+
+def crossed():
+    """Return a mass on a rail that is carried along another one by a mass alike."""
+    body = lw.Body(mass=MASS)
+    return lw.Robot(
+        lw.Mechanism(
+            gravity=(0, 0, 0),
+            bodies={"bridge": body, "head": body},
+            joints={
+                "x": lw.PrismaticJoint(connects=("ground", "bridge"), axis=(1, 0, 0)),
+                "y": lw.PrismaticJoint(connects=("bridge", "head"), axis=(0, 1, 0)),
+            },
+            actuators=("x", "y"),
+        )
+    )
+
+
+def test_a_path_that_rests_at_its_corners_is_refused_by_their_place():
+    points = [{"x": 0.0, "y": 0.0}, {"x": 0.6, "y": 0.0}, {"x": 0.6, "y": 0.6}]
+    path = motions.blended(points, SMOOTH, blend=0.0)
+    with pytest.raises(LinkworkError, match=r"the path rests at s = 0\.5; give its parts one by"):
+        motions.fastest(crossed(), path, motions.ActuatorLimits(force=FORCE))
+
+
 def test_the_description_limits_the_speed():
     """What is given goes before it, and `follow` refuses what passes it."""
     robot, way = slide(limits={"speed": 1.5}), ({"x": 0.0}, {"x": WAY})

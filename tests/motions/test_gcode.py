@@ -162,3 +162,26 @@ def test_moves_are_no_turns_of_a_tool_that_is_led_in_these(name):
     if robot.task == ("rx", "ry", "rz"):  # asked for by name they are
         motion = motions.follow(robot, timed, what=robot.task)
         assert robot.task_values(motion.state)[-1] == pytest.approx([0.003, 0, 0], abs=1e-12)
+
+
+@pytest.mark.parametrize("code", ["M2", "M30"])
+def test_the_end_of_a_list_follows_the_move_of_its_line(code):
+    _, x, *_ = run(f"G1 X100 F3000\nX100 Y100 {code}\nX0", start=[0, 0, 0])
+    assert x[-1] == pytest.approx([0.1, 0.1, 0], abs=1e-12)
+
+
+@pytest.mark.parametrize("sense", ["G2", "G3"])
+@pytest.mark.parametrize("way", ["G91 G1 X0.1\nX0.2\nX0.3\nX0.4\nX0.7", "G20 G1 X3\nG21"])
+def test_a_circle_back_to_where_sums_led_is_a_whole_one(way, sense):
+    """0.1 + 0.2 is not 0.3, nor three inches 76.2 thousandths: neither is another place."""
+    there = 76.2 if "G20" in way else 1.7
+    timed, x, *_ = run(f"F300 {way}\nG90 F300 {sense} X{there} I5", start=[0, 0, 0])
+    last = x[np.linspace(0, timed.duration, 4001) > timed.passed[-2]]
+    centre = 1e-3 * (there + 5)
+    assert np.ptp(last[:, 0]) == pytest.approx(0.01, rel=1e-4)
+    assert np.hypot(last[:, 0] - centre, last[:, 1]) == pytest.approx(0.005, abs=1e-12)
+
+
+def test_a_line_to_where_sums_led_is_no_move():
+    timed, *_ = run("F300 G91 G1 X0.1\nX0.2\nG90 X0.3\nX0.9", start=[0, 0, 0])
+    assert len(timed.passed) == 4 and not timed.corners

@@ -149,3 +149,11 @@ def test_a_timed_path_is_drawn_with_all_its_derivatives(robot, timed):
     assert labels == ["coordinate\n[m]", "speed\n[m/s]", "acceleration\n[m/s²]", "jerk\n[m/s³]"]
     line = figure.axes[2].lines[len(timed.passed)]
     assert line.get_ydata() == pytest.approx(timed.sample(line.get_xdata())[2][:, 0], abs=1e-12)
+
+
+def test_accelerations_without_rates_are_not_taken_for_rates(tmp_path):
+    path, t = tmp_path / "f.csv", np.linspace(0, 1, 21)
+    path.write_text("time,a,a''\n" + "\n".join(f"{x!r},{x**2!r},2" for x in t.tolist()))
+    values, rates, _ = motions.read_csv(path).sample(np.linspace(0, 1, 77))
+    assert values[:, 0] == pytest.approx(np.linspace(0, 1, 77) ** 2, abs=1e-12)
+    assert rates[:, 0] == pytest.approx(2 * np.linspace(0, 1, 77), abs=1e-11)

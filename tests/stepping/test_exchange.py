@@ -155,6 +155,59 @@ def test_written_parameters_act(robot):
         np.testing.assert_allclose(many.v[member], run.final.rates, 1e-12, 1e-12)
 
 
+def held(robot, law=None, drives=None):
+    """Return steppers of all members at home, with parameters of each."""
+    free = robot.free("platform.mass", "link_1.inertia.zz", "slide_1.frames.1.position.0")
+    states, _ = spread(free)
+    given = {name: np.full(N, value) for name, value in free.parameters.items()}
+    return free.stepper(states, DT, law, drives=drives, parameters=given, threads=1)
+
+
+def test_parameters_are_assigned_as_they_are_written(robot):
+    """A whole one, or one number for all: what is assigned acts."""
+    assigned, written = (held(robot, control_law()) for _ in range(2))
+    assigned.parameters["platform.mass"] = np.linspace(1, 3, N)
+    assigned.parameters["push"] = 2.0
+    written.parameters["platform.mass"][:] = np.linspace(1, 3, N)
+    written.parameters["push"][:] = 2.0
+    np.testing.assert_array_equal(assigned.step(steps=9), written.step(steps=9))
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "said"),
+    [
+        ("platform.mass", -1.0, "member 0: .*mass: -1.0 is below 0"),
+        ("platform.mass", np.arange(N) - 3.0, "member 0: .*mass: -3.0 is below 0"),
+        ("link_1.inertia.zz", -1e-6, "is below 0"),
+        ("platform.mass", np.nan, "'platform.mass' is nan; give finite numbers"),
+        ("platform.mass", [1.0, 2.0], r"the shape \(2,\); give one number, or"),
+        ("slide_1.frames.1.position.0", 0.2, "the loops close otherwise by"),
+        ("platform.weight", 1.0, "there is no parameter 'platform.weight'"),
+        ("slide_1.time_constant", -1.0, "the drive of 'slide_1': "),
+    ],
+)
+def test_parameters_that_nothing_may_have_are_refused(robot, name, values, said):
+    many = held(robot, drives={"slide_1": control.Lag(0.1)})
+    before = {key: row.copy() for key, row in many.parameters.items()}
+    with pytest.raises(lw.LinkworkError, match=said):
+        many.parameters[name] = values
+    for key, row in many.parameters.items():
+        np.testing.assert_array_equal(row, before[key])
+
+
+def test_parameters_that_were_written_are_looked_at_before_a_step(robot):
+    """Those that are not finite are told by the member's status, as of all numbers."""
+    many = held(robot)
+    start = many.y.copy()
+    many.parameters["platform.mass"][4] = -5.0
+    with pytest.raises(lw.LinkworkError, match=r"mass: -5\.0 is below 0"):
+        many.step()
+    np.testing.assert_array_equal(many.y, start)
+    many.parameters["platform.mass"][4] = np.nan
+    many.step()
+    assert [*np.flatnonzero(many.status)] == [4]
+
+
 def control_law():
     return lambda t, state: [state.parameter("push", 0.0), 0.0, 0.0]
 

@@ -109,6 +109,40 @@ def test_reactions_have_joints_and_units(tmp_path):
     assert (impulse.output, impulse.unit) == ("impulse", "N m s")
 
 
+def test_coordinates_have_their_own_units():
+    """Of a tool that is shifted and turned, a bristle that bends along a rail, and a quaternion."""
+    joints = {
+        "rail": lw.PrismaticJoint(
+            connects=("ground", "cart"),
+            axis=(1, 0, 0),
+            friction=lw.Friction(coulomb=1.0, bristle=lw.Bristle(stiffness=1e3)),
+        ),
+        "spin": lw.RevoluteJoint(connects=("cart", "arm")),
+        "float": lw.FreeJoint(connects=("ground", "stone")),
+    }
+    body = {"mass": 1.0, "inertia": {"xx": 0.1, "yy": 0.1, "zz": 0.1}}
+    robot = lw.Mechanism(
+        bodies={name: body for name in ("cart", "arm", "stone")},
+        joints=joints,
+        actuators=("rail", "spin"),
+        tools={"tip": lw.Tool(body="arm", task=("x", "rz", "direction_x"))},
+    )
+    outputs = {
+        "x": ("final task_position.x", "m"),
+        "turn": ("final task_position.rz", "rad"),
+        "turned": ("integral task_position.rz", "rad s"),
+        "part": ("final task_position.direction_x", "1"),
+        "bend": ("peak drive_state.rail.bristle", "N"),
+        "qw": ("final joint_position.float.qw", "1"),
+        "swift": ("final joint_rate.spin", "rad/s"),
+    }
+    told = {name: text for name, (text, _) in outputs.items()}
+    bench = bench_of(study(robot=robot, outputs=told))
+    for name, (_, unit) in outputs.items():
+        output = bench.outputs[name]
+        assert bench.unit(output, output.component) == unit
+
+
 def test_reactions_that_are_not_there():
     with pytest.raises(StudyError, match=r"reaction_force has no component 'hook'; there are rail"):
         bench_of(study(outputs={"force": "peak reaction_force.hook"}))

@@ -19,7 +19,7 @@ import zarr
 import linkwork as lw
 from linkwork.sweeps import StudyError, runner, store, summary, sweep, write
 from linkwork.sweeps.chunk import compute
-from linkwork.sweeps.report import figure
+from linkwork.sweeps.report import ends_of, figure
 
 from tests.sweeps.carts import CART, FILE, file, finished, results, study
 
@@ -329,6 +329,14 @@ def test_what_varies_by_ratios_is_drawn_so_and_the_legend_covers_no_panel(tmp_pa
     assert [text.get_text() for text in legend.get_texts()] == [*laws]
     box = legend.get_window_extent()
     assert not any(box.overlaps(axes.get_window_extent()) for axes in drawn.axes)
+
+
+@pytest.mark.parametrize("size", [0.3, -1e10, 1e-300, 5e-324, 0.0])
+def test_members_that_only_rounding_tells_apart_are_drawn(size):
+    values = size * (1 + 1e-16 * np.array([-1, 0, 3, 0]))
+    low, high = ends_of(values)
+    assert low < values.min() and values.max() < high
+    assert np.histogram(values, 30, (low, high))[0].sum() == 4
 
 
 def test_the_report_reads_a_part_at_a_time_and_draws_a_bounded_number(tmp_path, monkeypatch):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import linkwork as lw
 from linkwork import LinkworkError, Robot, robots
 from linkwork.analysis import dexterity, transmission_indices
 from linkwork.mechanism import Mechanism
@@ -201,6 +202,29 @@ def test_another_run_is_shown_at_the_same_times(session, robot):
     assert session.view().over is None and session.view().time == pytest.approx(0.3)
     with pytest.raises(LinkworkError, match="not one of the robot"):
         session.lay_over(Robot(robots.five_bar()).simulate(Robot("five_bar").home, duration=0.1))
+
+
+def test_the_pose_of_a_relative_tool_is_told_in_its_own_frame():
+    """Its place as its angle, for both are told of one frame."""
+    slide = {"x": (1, 0, 0), "y": (0, 1, 0)}
+    joints = {
+        name: lw.PrismaticJoint(connects=(body, f"{body}'"), axis=axis)
+        for body, (name, axis) in zip(("ground", "ground'"), slide.items(), strict=True)
+    }
+    joints["turn"] = lw.RevoluteJoint(connects=("ground", "table"))
+    body = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.1))
+    robot = Robot(
+        lw.Mechanism(
+            bodies={name: body for name in ("ground'", "ground''", "table")},
+            joints=joints,
+            actuators=("x", "y", "turn"),
+            tools={"tip": lw.Tool(body="ground''", relative_to="table")},
+        )
+    )
+    session = Session(robot)
+    session.show(robot.assemble({"x": 0.3, "y": 0.1, "turn": np.pi / 2}))
+    said = facts(session, session.view())
+    assert "tool at 0.1000, -0.3000 m, -1.5708 rad, relative to table" in said
 
 
 def test_dexterity_is_told_by_name_and_coloured(session, robot):

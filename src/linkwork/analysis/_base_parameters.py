@@ -88,7 +88,7 @@ def regressor_of(robot: Robot, effects: Sequence[str] = ()) -> Regressor:
             "slide_1.friction.viscous", "slide_1.friction.coulomb", "slide_1.rotor_inertia".
 
     Raises:
-        LinkworkError: unknown names.
+        LinkworkError: unknown names, or one that is given twice.
     """
     require_no_bearings(
         robot.mechanism.joints,
@@ -99,6 +99,8 @@ def regressor_of(robot: Robot, effects: Sequence[str] = ()) -> Regressor:
     bodies = names[: len(robot.bodies) * len(regressor.OF_BODIES)]
     effects = checks.names(effects, "effects")
     checks.known(effects, names[len(bodies) :], "effect")
+    if again := [name for place, name in enumerate(effects) if name in effects[:place]]:
+        raise LinkworkError(f"effects names {again[0]!r} twice; give it once")
     places = np.array([*range(len(bodies)), *(names.index(name) for name in effects)], int)
     return Regressor(robot, (*bodies, *effects), regressor.values(robot.mechanism)[places], places)
 

@@ -35,6 +35,7 @@ from linkwork.robot import Robot, State, UnreachableError
 from linkwork.simulation import Run
 
 REWEIGHTED = 3
+APART = 1e-6  # smallest over largest singular value of harmonics that samples tell apart
 SHOWN, WIDE = 12, 76  # lines, and characters of a line, in a repr
 
 
@@ -239,7 +240,8 @@ def periodic(
 
     Raises:
         LinkworkError: wrong shapes, columns that are labelled in another order, fewer samples than
-            coefficients; UnreachableError where the loops do not close.
+            coefficients, or at times that do not tell the harmonics apart; UnreachableError where
+            the loops do not close.
     """
     needed(robot, Robot)
     # What was measured fits the robot and itself, and determines the series.
@@ -267,7 +269,12 @@ def periodic(
         )
     # One series through the positions; its derivatives are the rates and accelerations.
     series = [fourier(t, 2 * np.pi / period, harmonics, order) for order in range(3)]
-    coefficients = np.linalg.lstsq(series[0], q_a, rcond=None)[0]
+    coefficients, _, _, sigma = np.linalg.lstsq(series[0], q_a, rcond=None)
+    if not sigma[-1] > APART * sigma[0]:
+        raise LinkworkError(
+            f"the samples are at times of the period that do not tell {harmonics} harmonics apart; "
+            "measure at other times, all over the period, or give fewer harmonics"
+        )
     smooth, v, dv = (basis @ coefficients for basis in series)
     start, _ = one_state(robot, robot.home if guess is None else guess)
     return Measured(robot.make_state(tracked(robot, smooth, start), v), dv, u)

@@ -136,6 +136,8 @@ def at_home(robot: Robot) -> list[tuple[str, str]]:
     places = tidy([robot.home[name] for name in driven])
     joints = [named(driven, places, 5)] if driven else []
     tool = [pose_of(robot, robot.home)] if robot.mechanism.tools or not driven else []
+    if robot.mechanism.tools and (base := robot.mechanism.first_tool.relative_to) != GROUND:
+        tool[0] += f" relative to {base}"
     passed = "; ".join(robot.limits_passed(robot.home))
     return [("home", "; ".join(joints + tool)), *([("limits passed", passed)] if passed else [])]
 

@@ -1,8 +1,9 @@
-"""Units of free parameters, as the descriptions of their fields state them."""
+"""Units and least values of free parameters, as the descriptions of their fields state them."""
 
 from __future__ import annotations
 
 import re
+from sys import float_info
 
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import formulas as formula
@@ -39,6 +40,20 @@ def unit_at(mechanism: Mechanism, where: Where) -> str:
             told = found[1] if found else ""
         item = contents(item)[part]
     return _chosen(told, _slides(mechanism, where))
+
+
+def least_of_parameter(mechanism: Mechanism, path: str) -> float | None:
+    """Return the least number that a description may hold at a path, 0 or the smallest above; None
+    where negative ones are allowed, or are told only by what follows from the number."""
+    item: object = mechanism
+    found = None
+    for part in located(mechanism, path)[0]:
+        field = getattr(type(item), "model_fields", {}).get(part)
+        if field is not None:
+            zeros = [k for each in field.metadata for k in ("ge", "gt") if getattr(each, k, 1) == 0]
+            found = float_info.min if "gt" in zeros else 0.0 if zeros else None
+        item = contents(item)[part]
+    return found
 
 
 def units_of_quantity(mechanism: Mechanism, name: str) -> dict[str, str]:

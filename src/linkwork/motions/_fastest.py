@@ -27,6 +27,7 @@ from linkwork.mechanism.limits import speed_limited
 from linkwork.model.state import State
 from linkwork.motions._follow import follow, require_vectors
 from linkwork.motions.driven_way import BETWEEN, CORNER, DrivenWay, refuse_leap, refuse_passing
+from linkwork.motions.even_rates import evened
 from linkwork.motions.jerk_limited import gentlest
 from linkwork.motions.laws import Limit
 from linkwork.motions.pushed_cables import warn_of_pushing_along
@@ -139,9 +140,10 @@ def fastest(
         s''' where the jerk is limited.
 
     Raises:
-        LinkworkError: a path with corners, or, where the jerk is limited, whose curvature leaps; a
-            place on it that the actuators cannot keep, by its s; a path on which nothing limits the
-            speed; actuators that do not drive all freedoms; joints with bearings.
+        LinkworkError: a path with corners, one that rests between its ends, or, where the jerk is
+            limited, whose curvature leaps; a place on it that the actuators cannot keep, by its s;
+            a path on which nothing limits the speed; actuators that do not drive all freedoms;
+            joints with bearings.
 
     Warns:
         ModelWarning: driven cables that push, for limits hold in both directions.
@@ -163,6 +165,7 @@ def least_time(
     guess: State | None = None,
 ) -> TimedPath:
     """Return what `fastest` does, without its warnings."""
+    # What is asked fits the robot.
     checks.needed(robot, Robot)
     if not isinstance(limits, ActuatorLimits):
         raise LinkworkError(
@@ -183,6 +186,8 @@ def least_time(
     own = limits.of_robot(robot)
     if np.isfinite(own["jerk"]).any():
         return gentlest(robot, timed, own, points, guess)
+    # The robot along the path, at the points of a grid and between them.
+    timed = evened(timed)
     shape = TimedPath(Path(timed.path.curve, uniform), 1.0, timed.names)
     samples = BETWEEN * (points - 1) + 1
     with checks.at("run through in 1 s, "):
@@ -190,6 +195,7 @@ def least_time(
     way = DrivenWay(robot, motion)
     refuse_leap(way.rates, motion.time, float(np.abs(way.rates).max()), CORNER)
     refuse_passing(way, own, motion.time)
+    # The law that keeps the limits at all of these.
     x = verified(way, own, timed.path.knots)
     law = law_of_squares(motion.time[::BETWEEN], x[::BETWEEN])
     return TimedPath(replace(timed.path, law=law.law), law.duration, timed.names)
@@ -366,6 +372,6 @@ def solved(
 def refused(way: DrivenWay, limits: Mapping[str, np.ndarray], point: int) -> str:
     """Say what cannot be kept at a point of the path."""
     return way.unheld(limits["force"], point) or (
-        "no speed and acceleration keep all limits from rest to rest; give more force, or another "
-        "path"
+        "no speed and acceleration keep all limits from rest to rest; give more force, another "
+        "path, or, where it bends within a few points of the grid, more points"
     )

@@ -37,6 +37,9 @@ WORD = re.compile(r"([A-Za-z])\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*")
 COMMENT = re.compile(r"\([^)]*\)|;.*")
 ON_CIRCLE = 2e-3
 """How far both ends of an arc may be from its radius, over it, for the rounding of lists."""
+SAME = 1e-11
+"""Distance along an axis up to which a move does not leave its place [m]: what sums of relative
+moves, and inches, round."""
 SMOOTH = 1e-6
 """Angle between two moves up to which the second goes on without a stop [rad]."""
 
@@ -227,21 +230,27 @@ def read(text: str, at: np.ndarray | None, fastest: float, planar: bool) -> Iter
         with checks.at(f"line {number}: "):
             codes, words = words_of(line)
             modes, ended = said(modes, codes, words)
+            moving = {*words} & {*AXES, *OFFSETS, "R"}
+            if moving and planar:
+                require_planar(modes, words)
+            if moving and at is None:
+                at = first_point(modes, words, planar)
+            elif moving and at is not None:
+                one = fed_move(modes, words, at, fastest, number)
+                if one is not None:
+                    yield one
+                    at = one.end
+            # The end of a list ends it after the move of its line.
             if ended:
                 return
-            if not {*words} & {*AXES, *OFFSETS, "R"}:
-                continue
-            if planar and (extra := sorted({*words} & {"K", "Z"})):
-                raise LinkworkError(f"a planar list has no {extra[0]}; leave it out")
-            if planar and modes.plane != PLANES[17]:
-                raise LinkworkError("a planar list is in the plane of G17; leave G18 and G19 out")
-            if at is None:
-                at = first_point(modes, words, planar)
-                continue
-            one = fed_move(modes, words, at, fastest, number)
-            if one is not None:
-                yield one
-                at = one.end
+
+
+def require_planar(modes: ModalState, words: dict[str, float]) -> None:
+    """Refuse what leads out of the plane."""
+    if extra := sorted({*words} & {"K", "Z"}):
+        raise LinkworkError(f"a planar list has no {extra[0]}; leave it out")
+    if modes.plane != PLANES[17]:
+        raise LinkworkError("a planar list is in the plane of G17; leave G18 and G19 out")
 
 
 def words_of(line: str) -> tuple[list[tuple[str, float]], dict[str, float]]:
@@ -313,6 +322,7 @@ def fed_move(
         raise LinkworkError("no move is chosen; give G0, G1, G2 or G3")
     given = np.array([modes.scale * words.get(axis, np.nan) for axis in AXES])
     end = np.where(np.isnan(given), at, at + given if modes.relative else given)
+    end = np.where(np.abs(end - at) <= SAME, at, end)
     feed = fastest
     if modes.move:
         if modes.feed is None:

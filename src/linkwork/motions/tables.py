@@ -172,7 +172,9 @@ def read_csv(path: str | FilePath, names: Sequence[str] = ()) -> TimedPath:
     checks.known(wanted, [*columns], "column")
     if not wanted:
         raise LinkworkError(f"'{path}' has no column of a coordinate beside the time")
-    given = [mark for mark in MARKS if all(f"{name}{mark}" in columns for name in wanted)]
+    # Accelerations without rates are passed over, for polynomials take derivatives in their order.
+    there = [all(f"{name}{mark}" in columns for name in wanted) for mark in MARKS]
+    given = MARKS[: [*there, False].index(False)]
     parts = [np.stack([columns[f"{name}{mark}"] for name in wanted], axis=1) for mark in given]
     time = columns[TIME] - columns[TIME][0]
     profile = splined(time, parts[0]) if len(parts) == 1 else joined(time, parts)

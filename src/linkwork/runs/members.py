@@ -263,11 +263,16 @@ def require_possible(
     """
     if not own or not len(q):
         return
-    if not (able := possible(robot.mechanism, own, len(q))).all():
+    require_numbers(robot.mechanism, own)
+    require_closed(robot, q, p, np.arange(len(q)))
+
+
+def require_numbers(mechanism: Mechanism, own: Mapping[str, np.ndarray]) -> None:
+    """Refuse numbers by path, (N,) each, that no description may hold."""
+    if not (able := possible(mechanism, own, len(next(iter(own.values()))))).all():
         member = int(np.argmin(able))
         with checks.at(f"member {member}: "):
-            edited(robot.mechanism, {name: float(values[member]) for name, values in own.items()})
-    require_closed(robot, q, p, np.arange(len(q)))
+            edited(mechanism, {name: float(values[member]) for name, values in own.items()})
 
 
 def require_closed(robot: Model, q: np.ndarray, p: np.ndarray, numbers: np.ndarray) -> None:

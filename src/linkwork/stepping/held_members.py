@@ -7,7 +7,6 @@ from concurrent.futures import wait
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from linkwork.checks import amount, shown
@@ -26,6 +25,7 @@ from linkwork.simulation.turns import whole
 from linkwork.simulation.vectors import LANES
 from linkwork.stepping.admitted import require_room
 from linkwork.stepping.given_to_many import Index, which_of
+from linkwork.stepping.member_parameters import MemberParameters
 from linkwork.stepping.native_block import (
     LIMIT,
     LINE,
@@ -84,7 +84,7 @@ class HeldMembers:
         self.y, self.u = herd.y[:, :N].T, herd.u[:, :N].T
         self.q, self.v, self.z = self.y[:, :nq], self.y[:, nq : nq + n], self.y[:, nq + n :]
         self.status, self.time = herd.status[:N], herd.numbers[WHEN, :N].view()
-        self.parameters = parameters_of(batch, herd.p[:, :N])
+        self.parameters = MemberParameters(batch, herd.p[:, :N])
         for told in (self.status, self.time):
             told.flags.writeable = False
         # What is asked of all of them.
@@ -314,16 +314,3 @@ def lined(rows: int, columns: int) -> np.ndarray:
     memory = np.zeros(rows * columns + LINE)
     first = -memory.ctypes.data // memory.itemsize % LINE
     return memory[first : first + rows * columns].reshape(rows, columns)
-
-
-def parameters_of(batch: Members, p: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the rows of p (np, N) by name: parameters of what acts, and of the robot those that
-    vary, of which only those may be written that leave the loops closed."""
-    own, acting = batch.robot.parameters, batch.system.acting
-    equations, found = batch.robot.equations, {}
-    for i, name in enumerate((*own, *(acting.parameters if acting else ()))):
-        if name not in own or name in batch.varied:
-            found[name] = p[i].view()
-            closing = name in own and ca.depends_on(equations.rows.phi, equations.p[i])
-            found[name].flags.writeable = not closing
-    return found

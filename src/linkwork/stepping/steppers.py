@@ -81,7 +81,8 @@ class Steppers(HeldMembers):
             until the member is `reset`.
         time: of each member (N,) [s].
         parameters: numbers of drives and controllers, by name (N,), to be read and written between
-            two steps; those of the robot that were given are told here, too.
+            two steps; those of the robot that were given are told here, too, and may be written
+            where they leave the loops closed. Assigning a whole one checks it at once.
         dt: length of a step [s]; threads: over which they are dealt.
     """
 
@@ -160,12 +161,13 @@ class Steppers(HeldMembers):
                 where they are.
 
         Raises:
-            LinkworkError: forces that do not fit; signals that end; they are refused before
-                anything happens.
+            LinkworkError: forces that do not fit; signals that end; parameters that were written
+                and that nothing may have; they are refused before anything happens.
         """
         steps = count(steps, "steps")
         if out is not None and out is not self.y:
             require_room(out, self.y.shape)
+        self.parameters.require()
         if u is not None:
             self._command(u)
         self._require_signals(steps)

@@ -77,7 +77,10 @@ class Output:
     @property
     def unit(self) -> str:
         """Its unit."""
-        unit = QUANTITIES[self.quantity].unit
+        return self.reduced(QUANTITIES[self.quantity].unit)
+
+    def reduced(self, unit: str) -> str:
+        """Return the unit of what is reduced from values of a unit."""
         return (
             ", ".join(f"{part} s" for part in unit.split(", "))
             if self.reduction in OVER_TIME

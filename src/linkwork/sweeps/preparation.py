@@ -42,6 +42,7 @@ may hold their numbers."""
 
 
 MANY = 2**7  # controllers, more than a byte can number
+OWN_UNITS = ("coordinate", "task", "extra")  # axes of whose components each has its own unit
 
 
 @dataclass(frozen=True)
@@ -196,9 +197,13 @@ class Bench:
 
     def unit(self, output: Output, component: str) -> str:
         """Return the unit of an output's component: of slides or of turns, where a quantity has
-        both."""
+        both; its own, where components have their own units."""
+        axis = QUANTITIES[output.quantity].axis
+        if axis in OWN_UNITS:
+            names, units = self._axes[axis]
+            return output.reduced(units[list(names).index(component)])
         slide, *turn = output.unit.split(", ")
-        if QUANTITIES[output.quantity].axis == "pose":
+        if axis == "pose":
             angular = component not in ("x", "y", "z")
         else:
             angular = self.robot.labels.units.get(component) == "rad"

@@ -29,6 +29,7 @@ TABLE, PLOTS = "table.csv", "plots.svg"
 PLOTTED = 2000  # members of which points are drawn
 NAMED = 6  # controllers in a row of the legend
 PANELS = (8, 5)  # outputs and varied names that are drawn
+ALIKE = 1e-9  # how far values that only rounding tells apart spread, over their size
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,6 +214,16 @@ def write(store: Store, found: Summary, folder: Path) -> list[Path]:
     return [table, plots]
 
 
+def ends_of(values: np.ndarray) -> tuple[float, float]:
+    """Return the ends of the axis of values (K,): of values that only rounding tells apart, far
+    from these."""
+    low, high = float(values.min()), float(values.max())
+    size = max(abs(low), abs(high))
+    if high - low > max(ALIKE * size, 1e-300):
+        return low, high
+    return low - (size / 2 or 0.5), high + (size / 2 or 0.5)
+
+
 def figure(store: Store, found: Summary) -> Figure:
     """Draw each output over each number that varies, and its distribution; a colour for each
     controller."""
@@ -242,7 +253,8 @@ def figure(store: Store, found: Summary) -> Figure:
                     )
                 if values.size:
                     bins = min(30, 5 + values.size // 20)
-                    axes_row[-1].hist(values, bins=bins, alpha=0.6, **look)
+                    ends = ends_of(values)
+                    axes_row[-1].hist(values, bins=bins, range=ends, alpha=0.6, **look)
             # Names and units.
             axes_row[0].set_ylabel(f"{output}\n[{units.get(output, '')}]")
             axes_row[-1].set_xlabel(f"{output}\n[{units.get(output, '')}]")

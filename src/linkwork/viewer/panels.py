@@ -13,6 +13,7 @@ import numpy as np
 import viser
 from viser import uplot
 
+from linkwork.mechanism import GROUND
 from linkwork.scene.colours import INK
 from linkwork.simulation import Run
 from linkwork.viewer.cameras import CAMERAS
@@ -422,10 +423,7 @@ def lines(session: Session, view: View) -> Iterator[str]:
             "padding:0 0.8em;border-radius:2px'></span>"
         )
     if view.tool is not None:
-        axes = 2 if session.robot.planar else 3
-        place = ", ".join(f"{x:.4f}" for x in np.round(view.tool[0][:axes], 4) + 0.0)
-        turned = "" if view.angle is None else f", {np.round(view.angle, 4) + 0.0:.4f} rad"
-        yield f"<br>tool at {place} m{turned}"
+        yield f"<br>tool at {placed(session, view, view.tool[0])}"
     if view.pulled is not None:
         force = ", ".join(f"{x:.3g}" for x in np.round(view.pulled.force, 9) + 0.0)
         size = float(np.linalg.norm(view.pulled.force))
@@ -433,3 +431,13 @@ def lines(session: Session, view: View) -> Iterator[str]:
     if view.notice:
         yield f"<br><span style='color:#b34700' data-linkwork='notice'>{escape(view.notice)}</span>"
     yield "</div>"
+
+
+def placed(session: Session, view: View, tool: np.ndarray) -> str:
+    """Return where the tool is and how a planar one is turned, in the frame of what its pose is
+    relative to; tool: position (3) in the ground's axes [m]."""
+    (p, R), base = session.base(), session.robot.mechanism.first_tool.relative_to
+    own = (R.T @ (tool - p))[: 2 if session.robot.planar else 3]
+    place = ", ".join(f"{x:.4f}" for x in np.round(own, 4) + 0.0)
+    turned = "" if view.angle is None else f", {np.round(view.angle, 4) + 0.0:.4f} rad"
+    return f"{place} m{turned}" + ("" if base == GROUND else f", relative to {escape(base)}")

@@ -189,12 +189,14 @@ def common(each: FmuVariable, place: int) -> dict[str, str]:
 
 
 def number(each: FmuVariable) -> dict[str, str]:
-    """Return unit, type and start value of a variable that is a number."""
+    """Return unit, type, least and start value of a variable that is a number."""
     found = {}
     if each.unit in QUANTITIES:
         found["declaredType"] = QUANTITIES[each.unit]
     if exponents(each.unit) is not None:
         found["unit"] = each.unit
+    if each.least is not None:
+        found["min"] = repr(each.least)
     if each.start is not None:
         found["start"] = repr(float(each.start))
     return found

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from sys import float_info
 
 from linkwork.errors import LinkworkError
 from linkwork.export.calls import CALLS, Call, needed_programs
 from linkwork.export.fmi.balance import JointBalance
 from linkwork.export.fmi.driven import Driven
 from linkwork.export.fmi.programs import programs, stepping_programs
-from linkwork.export.fmi.variables import FmuVariables, fmu_layouts
+from linkwork.export.fmi.variables import FmuVariable, FmuVariables, fmu_layouts
 from linkwork.export.header import STATUS, header_text, safe
 from linkwork.export.identifiers import identifiers
 from linkwork.export.source import listed, source_text, words
@@ -104,6 +105,7 @@ def sources(
         "BALANCE_COLUMNS": ", ".join(map(str, columns)),
         "PLACES": places(known, balance.size if balance else 0, len(rows)),
         "START_VALUES": listed([each.start or 0.0 for each in numbers], DIALECT),
+        "LEAST_VALUES": listed([least(each) for each in numbers], DIALECT),
         "MEANINGS": ",\n".join(f'        "{says}"' for _, says in STATUS),
         "NAMES": ",\n".join(f'    "{safe(each.name)}"' for each in numbers),
     }
@@ -121,6 +123,11 @@ def sources(
     fixed |= {name: name for name in (f"{standard}.h", f"{standard}.c")}
     found = {name: filled(piece, DIALECT, given) for name, piece in fixed.items()}
     return {"LW_FILE.h": header, "LW_FILE.c": equations, **found}
+
+
+def least(each: FmuVariable) -> float:
+    """Return the least value that a variable may have."""
+    return -float_info.max if each.least is None else each.least
 
 
 def places(known: FmuVariables, unknowns: int, filled_in: int) -> str:

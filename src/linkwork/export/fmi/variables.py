@@ -19,7 +19,7 @@ from linkwork.export.identifiers import identifier
 from linkwork.export.layout import ArrayLayout, layouts
 from linkwork.mechanism.joints import TURN
 from linkwork.mechanism.limits import meeting_name
-from linkwork.mechanism.parameter_units import unit_of_parameter
+from linkwork.mechanism.parameter_units import least_of_parameter, unit_of_parameter
 from linkwork.model.checks import names
 from linkwork.model.reactions import COMPONENTS
 from linkwork.model.task import task_of, values
@@ -50,7 +50,7 @@ class FmuVariable:
     """Describe a variable.
 
     role: "time", "input", "parameter" (a free number), "start", "switch", "state", "derivative",
-        "output", "local"; of: the state whose derivative it is; start: where it has one
+        "output", "local"; of: the state whose derivative it is; start, least: where it has one
     direct: whether it depends on the inputs at the same time; kind: of an output
     """
 
@@ -62,6 +62,7 @@ class FmuVariable:
     of: str | None = None
     direct: bool = False
     kind: str = ""
+    least: float | None = None
 
 
 Groups = dict[str, list[FmuVariable]]
@@ -143,6 +144,7 @@ def given(driven: Driven, u: ArrayLayout, own: StructuredNames) -> Groups:
             unit_of_parameter(driven.robot.mechanism, path),
             f"free number of the description: {path}",
             value,
+            least=least_of_parameter(driven.robot.mechanism, path),
         )
         for path, value in driven.robot.parameters.items()
     ]

@@ -12,6 +12,8 @@ static const char *const lw_names[LW_VALUES] = {
 NAMES
 };
 
+static const lw_real lw_least[LW_VALUES] = LEAST_VALUES;
+
 /* A saved instance; its token tells whose it is. */
 typedef struct lw_saved {
     char token[sizeof LW_TOKEN];
@@ -248,6 +250,11 @@ int lw_set(lw_instance *instance, const uint32_t *places, size_t count, const do
         if (!(values[k] - values[k] == 0)) {
             return lw_fails(
                 instance, LW_FMI_DISCARD, "keeps its value, for another is not finite:",
+                lw_names[places[k]]);
+        }
+        if (values[k] < lw_least[places[k]]) {
+            return lw_fails(
+                instance, LW_FMI_DISCARD, "keeps its value, for another is below its least:",
                 lw_names[places[k]]);
         }
     }

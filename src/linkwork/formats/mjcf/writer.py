@@ -27,6 +27,7 @@ from linkwork.formats.mjcf.model_plan import Home, ModelPlan, plan
 from linkwork.formats.mjcf.sheet import Sheet
 from linkwork.formats.mjcf.tie_elements import write_gears, write_screws, write_springs, write_tie
 from linkwork.formats.notes import Notes
+from linkwork.formats.tools_told import tell_tools
 from linkwork.mechanism import GROUND, Mechanism
 from linkwork.mechanism.files import write_whole
 
@@ -107,6 +108,7 @@ def text_of(sheet: Sheet) -> str:
     check(sheet)
     for seat in sheet.plan.seats.values():
         write_body(sheet, seat)
+    tell_tools(mechanism, sheet.notes)
     for name, tool in mechanism.tools.items():
         sheet.site(name, tool.body, sheet.home.poses[tool.body] @ poses.of_frame(tool.frame))
     for tie in sheet.plan.ties:

@@ -22,6 +22,7 @@ from linkwork.formats.mjcf.laws import numbers
 from linkwork.formats.mjcf.model_plan import Home
 from linkwork.formats.mjcf.writer import home_of
 from linkwork.formats.notes import Notes
+from linkwork.formats.tools_told import tell_tools
 from linkwork.mechanism import (
     GROUND,
     Box,
@@ -99,6 +100,7 @@ def to_sdf(mechanism: Mechanism) -> tuple[str, tuple[str, ...]]:
     for name, joint in mechanism.pairs.items():
         write_joint(sheet, name, joint)
     write_gears(sheet)
+    tell_tools(mechanism, sheet.notes)
     for name, tool in mechanism.tools.items():
         link = sheet.links[tool.body]
         called = f"{name} frame" if name in {*sheet.links.values(), *mechanism.joints} else name

@@ -21,6 +21,7 @@ from linkwork.equations.topology import Branch, span
 from linkwork.formats import poses
 from linkwork.formats.masses import solid_of, unheld, whole_weights
 from linkwork.formats.mjcf.laws import numbers
+from linkwork.formats.tools_told import tell_tools
 from linkwork.formats.urdf.closings import closings_place, closings_text, write_closing
 from linkwork.formats.urdf.sheet import (
     UrdfSheet,
@@ -109,6 +110,7 @@ def written(mechanism: Mechanism, beside: bool = False) -> UrdfSheet:
     write_gears(sheet)
     if any(sheet.rotors.values()):
         write_rotors(sheet)
+    tell_tools(mechanism, sheet.notes)
     for name, tool in mechanism.tools.items():
         write_tool(sheet, name, tool.body, poses.of_frame(tool.frame))
     for body in whole_weights(mechanism).values():
