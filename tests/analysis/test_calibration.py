@@ -527,6 +527,30 @@ def test_what_looks_like_other_units_is_warned_of(rpr):
             analysis.calibrate(robot, analysis.MeasuredPoses(states, pose * scale))
 
 
+def test_a_wrong_sample_and_more_than_the_stated_noise_are_warned_of(rpr):
+    """Right measurements, in whatever noise, are taken without a word; one pose off by a
+    centimetre is named, and so is a noise of which a tenth is stated."""
+    robot, near = rpr
+    truth = errors(robot, 1e-3, 4)
+    states, real = measured(robot, near, truth)
+    right, length = robot.with_parameters(truth).tool_pose(real), robot.equations.tree.length
+    size = 1e-5 * np.array([length, length, 1.0])
+    stated = {"position": 1e-5 * length, "rotation": 1e-5}
+    for seed in range(3):
+        pose = right + size * np.random.default_rng(seed).standard_normal(right.shape)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            for noise in ({}, stated):
+                analysis.calibrate(robot, analysis.MeasuredPoses(states, pose, **noise))
+        with pytest.warns(ModelWarning, match="times the stated noise"):
+            tenth = {name: value / 10 for name, value in stated.items()}
+            analysis.calibrate(robot, analysis.MeasuredPoses(states, pose, **tenth))
+        pose[7, 0] += 0.01 * length
+        for noise in ({}, stated):
+            with pytest.warns(ModelWarning, match="sample 7 "):
+                analysis.calibrate(robot, analysis.MeasuredPoses(states, pose, **noise))
+
+
 def test_functions_are_compiled_once_for_a_robot_and_its_copies(rpr, monkeypatch):
     robot, states = rpr
     analysis.calibrate(robot, analysis.MeasuredPoses(states, robot.tool_pose(states)))

@@ -31,6 +31,7 @@ from linkwork.analysis.measured_poses import (
     spatial,
 )
 from linkwork.analysis.noise_shares import NoiseShares
+from linkwork.analysis.outliers import beyond_noise, standing_out
 from linkwork.analysis.settled_squares import settled
 from linkwork.checks import amount, by_name, finite, in_order, needed, shown
 from linkwork.errors import LinkworkError, ModelWarning
@@ -162,7 +163,8 @@ def calibrate(robot: Robot, measured: MeasuredPoses) -> Calibration:
 
     Warns:
         ModelWarning: positions that look like millimetres, rotations that look like degrees; least
-            squares that are not found.
+            squares that are not found; a sample that does not fit in with the others; more left
+            over than the stated noise explains.
     """
     from scipy.optimize import least_squares
 
@@ -217,7 +219,32 @@ def calibrate(robot: Robot, measured: MeasuredPoses) -> Calibration:
     remains = fit.remains(p).reshape(len(q), -1)
     seen, left = at_end(first, fit.slopes(p))
     shares = NoiseShares(model.kinds, remains, left)
-    return Calibration(other, seen, robot.p.copy(), remains, model.weighed, model.scales, shares)
+    made = Calibration(other, seen, robot.p.copy(), remains, model.weighed, model.scales, shares)
+    if np.abs(remains).max() > UNTOLD * model.reach:
+        warn_of_misfit(made, left)
+    return made
+
+
+def warn_of_misfit(found: Calibration, left: np.ndarray) -> None:
+    """Warn of a sample that stands out from the others, and of more than the stated noise; left: of
+    the derivatives at the end (rows, rank)."""
+    worst = standing_out(found.remains, left)
+    if worst is not None:
+        warnings.warn(
+            f"sample {worst} (from 0) does not fit in with the others, and draws all numbers with "
+            "it; look at what was measured there, or leave it out",
+            ModelWarning,
+            stacklevel=4,
+        )
+    elif found.weighed and beyond_noise(found.chi_square, found.freedoms):
+        times = np.sqrt(found.chi_square / found.freedoms)
+        warnings.warn(
+            f"what remains is {times:.3g} times the stated noise (chi-square "
+            f"{found.chi_square:.4g} of {found.freedoms}): deviations are told too small by as "
+            "much or more; state a larger noise, or free what else differs from the description",
+            ModelWarning,
+            stacklevel=4,
+        )
 
 
 def at_end(first: Observability, slopes: np.ndarray) -> tuple[Observability, np.ndarray]:
