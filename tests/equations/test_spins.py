@@ -5,6 +5,7 @@ import pytest
 
 import linkwork as lw
 from linkwork.analysis import assembly_modes, working_modes
+from linkwork.equations.spins import motions
 
 BAR = lw.Body(mass=1.0, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(xx=0.01, yy=0.1, zz=0.1))
 ROD = "rod: spin about the line through pin and wrist"
@@ -40,6 +41,24 @@ def test_a_rod_between_balls_spins_at_dead_centre_as_elsewhere():
     found = crank_and_rod()
     assert found.mobility == 2 and found.spins == found.idle == (ROD,)
     assert len(assembly_modes(found)) == 2
+
+
+def test_linkages_that_nothing_ties_are_looked_at_side_by_side():
+    """Two motions of each, in two columns: the rates of all in one are as long as what is tied."""
+    one, joints = crank_and_rod().mechanism, {}
+    for k in range(3):
+        for name, joint in one.pairs.items():
+            ends = tuple(body if body == "ground" else f"{body}_{k}" for body in joint.connects)
+            joints[f"{name}_{k}"] = joint.model_copy(update={"connects": ends})
+    bodies = [f"{body}_{k}" for k in range(3) for body in one.bodies]
+    found = robot(bodies, joints, reference={f"slide_{k}": 0.7 for k in range(3)})
+    named = {f"rod_{k}: spin about the line through pin_{k} and wrist_{k}" for k in range(3)}
+    assert {*found.spins} == {*found.idle} == named and found.mobility == 6
+    rows = found.equations.rows
+    Phi = np.array(found.equations.tree.evaluated("Phi", [rows.Phi])(found.home.q)[0])
+    free = motions(found.equations.tree, Phi)
+    assert free.rates.shape == (len(found.equations.tree.rates), 2)
+    assert free.counts[free.counts > 0].tolist() == [2, 2, 2] and np.allclose(Phi @ free.rates, 0)
 
 
 @pytest.mark.parametrize(

@@ -142,6 +142,18 @@ def test_planar_joints_and_mimics_of_sdf(tmp_path):
     assert "jc" not in mechanism.actuators
 
 
+def test_a_ball_of_sdf_is_damped_by_its_first_axis_as_in_drake(tmp_path):
+    ball = (
+        '<link name="d"/><joint name="ball" type="ball"><parent>c</parent><child>d</child><axis>'
+        "<xyz>0 0 1</xyz><dynamics><damping>0.1</damping>{}</dynamics></axis></joint>"
+    )
+    read_ball = read(sdf(tmp_path, ball.format(""))).mechanism
+    assert read_ball.joints["ball"].friction["turn"].viscous == 0.1 and not read_ball.caveats
+    for name in ("friction", "spring_stiffness"):
+        more = read(sdf(tmp_path, ball.format(f"<{name}>2</{name}>"))).mechanism
+        assert any(f"says {name}, which a ball has not here" in each for each in more.caveats)
+
+
 def test_what_is_soft_or_bent_is_told_and_what_is_not_there_refused(tmp_path):
     bushing = "<drake:linear_bushing_rpy/>"
     ball = '<drake:joint name="second" type="ball">'

@@ -441,6 +441,14 @@ def test_elements_without_text_and_infinite_ends_say_nothing(tmp_path):
     assert not mechanism.lifts and not mechanism.drives and mechanism.actuators == ("j",)
 
 
+def test_an_initial_position_is_noted_where_it_says_one(tmp_path):
+    said = "<axis><xyz>0 0 1</xyz><initial_position>{}</initial_position></axis>"
+    for value, noted in (("0.7", True), ("0.0", False)):
+        one = model('<link name="a"/>', joint("j", "revolute", "world", "a", said.format(value)))
+        notes = read(one, tmp_path).notes
+        assert any("joints begin where the poses" in note for note in notes) == noted
+
+
 def test_links_without_gravity_have_no_weight(tmp_path):
     """A double pendulum whose second link does not pull at the first, beside one without gravity
     at all; properties of contacts change nothing."""

@@ -8,6 +8,7 @@ import pytest
 import linkwork as lw
 from linkwork.errors import ModelWarning
 from linkwork.formats import load
+from linkwork.formats.xml import Element
 from linkwork.mechanism import Friction, Lift, Limits, MechanismError
 
 from tests.formats import samples
@@ -331,6 +332,13 @@ def test_what_only_a_macro_would_make_is_refused_with_that_reason(tmp_path):
         read(arm().replace('value="1"', 'value="${m}"', 1), tmp_path)
     with pytest.raises(MechanismError, match=r"xacro arm\.urdf\.xacro > robot\.urdf"):
         read(arm(), tmp_path, "arm.urdf.xacro")
+
+
+@pytest.mark.parametrize("text", ["${x + 1} 0 0", "$(optenv IMU_XYZ 0.19 0 0.149)", "0 0 -${z}"])
+def test_macros_of_several_words_are_told_as_such_and_not_counted(text, tmp_path):
+    element = Element("origin", {"xyz": text}, tmp_path / "robot.urdf", 1)
+    with pytest.raises(MechanismError, match="which is a macro; expand the file with xacro first"):
+        element.vector("xyz")
 
 
 @pytest.mark.parametrize(

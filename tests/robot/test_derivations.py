@@ -162,3 +162,16 @@ def test_a_first_run_in_a_process_loads_what_it_needs_only():
     loaded = finished("-c", FIRST_RUN + "import sys; print(*sys.modules)")
     assert loaded.returncode == 0, loaded.stderr
     assert not IDLE & set(loaded.stdout.split())
+
+
+def test_motion_is_derived_once_for_its_kernel_and_for_its_size(folder, monkeypatch):
+    made, motion = [], functions.motion
+
+    def counted(equations):
+        made.append(equations)
+        return motion(equations)
+
+    monkeypatch.setattr(functions, "motion", counted)
+    robot = lw.Robot(lw.robots.stewart())
+    chart = robot.chart
+    assert not chart.large and chart.kernel("motion").n_out and len(made) == 1

@@ -40,14 +40,15 @@ class Reflections:
     @property
     def null_space(self) -> np.ndarray:
         """Return an orthonormal basis (columns x n) of what the rows leave free."""
-        return self._reflected(np.delete(np.eye(self.width), self.pivots, axis=1))
+        return self.mirrored(np.delete(np.eye(self.width), self.pivots, axis=1))
 
     @property
     def row_space(self) -> np.ndarray:
         """Return an orthonormal basis (columns x rank) of what the rows hold."""
-        return self._reflected(np.eye(self.width)[:, list(self.pivots)])
+        return self.mirrored(np.eye(self.width)[:, list(self.pivots)])
 
-    def _reflected(self, basis: np.ndarray) -> np.ndarray:
+    def mirrored(self, basis: np.ndarray) -> np.ndarray:
+        """Return columns (columns x n) that are reflected back, last reflection first, in place."""
         for columns, v in reversed(self.reflections):
             basis[columns] -= np.outer(2 * v, v @ basis[columns])
         return basis

@@ -9,18 +9,22 @@ on it either: it may then be left to itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from linkwork.equations import contact, effects, fluid
 from linkwork.equations.algebra import SX, cross
 from linkwork.equations.joint_map import JointMap
 from linkwork.equations.lengths import slides
-from linkwork.equations.mobility import free_motions
+from linkwork.equations.reflections import reflect
 from linkwork.equations.rubbing import rubbing
-from linkwork.equations.tree import Node, Tree
+from linkwork.equations.tree import GROUND_NODE, Node, Tree
 from linkwork.mechanism import GROUND, Mechanism
 
 LONGEST = 3  # joints inside a member that is looked at
@@ -91,23 +95,95 @@ def spinning(
 ) -> tuple[dict[Member, list[np.ndarray]], int]:
     """Return the rates (nv) in which each chain spins alone at each configuration, and how many
     motions there are."""
-    order, twists = list(mechanism.bodies).index, body_twists(mechanism, tree)
-    found, motions = {chain: [] for chain in chains}, 0
+    places = {name: k for k, name in enumerate(mechanism.bodies)}
+    twists = body_twists(mechanism, tree)
+    found, count = {chain: [] for chain in chains}, 0
     for q, Phi in zip(configurations, samples, strict=True):
-        N = tree.rate_units[:, None] * free_motions(Phi)
-        t, motions = np.array(twists(q, N)[0]).reshape(len(mechanism.bodies), 6, -1), N.shape[1]
+        free = motions(tree, Phi)
+        t = np.array(twists(q, free.rates)[0]).reshape(len(places), 6, -1)
         t[:, 3:] /= tree.length
-        # Few chains can move while all else is still, and in few motions: those are looked at.
-        basis, R = np.linalg.qr(t.reshape(-1, N.shape[1]))
-        shares, back = basis.reshape(*t.shape[:2], -1), np.linalg.pinv(R)
-        places = {chain: [order(body) for body in chain] for chain in found}
-        turns = {chain: alone(t, own, within(shares[own], back)) for chain, own in places.items()}
-        found = {
-            chain: [*found[chain], N @ turn] for chain, turn in turns.items() if turn is not None
-        }
+        turns: dict[Member, np.ndarray] = {}
+        for part, (bodies, own) in looked_at(found, free).items():
+            told = t[[places[name] for name in bodies], :, : free.counts[part]]
+            N = np.where(free.of_rates == part, free.rates.T, 0.0).T[:, : free.counts[part]]
+            turns |= {chain: N @ turn for chain, turn in turning_alone(told, bodies, own).items()}
+        count = int(free.counts.sum())
+        found = {chain: [*found[chain], turn] for chain, turn in turns.items()}
         if not found:
             break
-    return found, motions
+    return found, count
+
+
+class Motions(NamedTuple):
+    """Hold a basis of the rates that Phi allows, part by part: of parts of the mechanism that no
+    body and no row ties, so that each moves by itself.
+
+    rates (nv x k): the k-th motions of all parts in one column, each in its own rates
+    counts: motions of each part; of_rates (nv), of_bodies: whose rate it is, and who moves a body,
+        None for one that stands still
+    """
+
+    rates: np.ndarray
+    counts: np.ndarray
+    of_rates: np.ndarray
+    of_bodies: dict[str, int | None]
+
+
+def motions(tree: Tree, Phi: np.ndarray) -> Motions:
+    """Return what Phi (rows x nv) leaves free; slides in m."""
+    # Rates are tied by rows that hold both, and those of a node to those of the node before it.
+    last: dict[int, int | None] = {GROUND_NODE.index: None}
+    ties = [(int(k[0]), int(other)) for k in map(np.flatnonzero, Phi) for other in k[1:]]
+    for node in tree.nodes:
+        before, own = last[node.parent], [column.rate for column in node.columns]
+        ties += [] if before is None else [(before, k) for k in own]
+        ties += [(own[0], k) for k in own[1:]]
+        last[node.index] = own[-1] if own else before
+    ends = np.array(ties, int).reshape(-1, 2).T
+    links = csr_array((np.ones(len(ties)), ends), shape=(len(tree.rates),) * 2)
+    parts, of_rates = connected_components(links, directed=False)
+    # Reflections stay in a part, so that those of one motion of each are those of their sum.
+    found, counts = reflect(Phi), np.zeros(parts, int)
+    units = []
+    for k in np.delete(np.arange(len(tree.rates)), found.pivots):
+        units.append((k, counts[of_rates[k]]))
+        counts[of_rates[k]] += 1
+    basis = np.zeros((len(tree.rates), counts.max(initial=0)))
+    basis[tuple(np.array(units, int).reshape(-1, 2).T)] = 1.0
+    moving = {name: last[node.index] for name, node in tree.of_bodies.items()}
+    of_bodies = {name: None if k is None else int(of_rates[k]) for name, k in moving.items()}
+    return Motions(tree.rate_units[:, None] * found.mirrored(basis), counts, of_rates, of_bodies)
+
+
+def looked_at(chains: Iterable[Member], free: Motions) -> dict[int, tuple[list[str], list[Member]]]:
+    """Return the bodies, and those of the chains that move with them, of each part that moves."""
+    bodies: dict[int, list[str]] = defaultdict(list)
+    for name, part in free.of_bodies.items():
+        if part is not None:
+            bodies[part].append(name)
+    found: dict[int, tuple[list[str], list[Member]]] = {}
+    for chain in chains:
+        part, *others = {free.of_bodies[body] for body in chain}
+        if part is not None and not others and free.counts[part]:
+            found.setdefault(part, (bodies[part], []))[1].append(chain)
+    return found
+
+
+def turning_alone(
+    t: np.ndarray, bodies: Sequence[str], chains: Sequence[Member]
+) -> dict[Member, np.ndarray]:
+    """Return the motion (n) in which each chain turns while all else is still, of those that do.
+
+    Args:
+        t: twists of the bodies (r x 6 x n) in n motions.
+    """
+    # Few chains can move while all else is still, and in few motions: those are looked at.
+    basis, R = np.linalg.qr(t.reshape(-1, t.shape[2]))
+    shares, back = basis.reshape(*t.shape[:2], -1), np.linalg.pinv(R)
+    places = {name: k for k, name in enumerate(bodies)}
+    own = {chain: [places[body] for body in chain] for chain in chains}
+    turns = {chain: alone(t, at, within(shares[at], back)) for chain, at in own.items()}
+    return {chain: turn for chain, turn in turns.items() if turn is not None}
 
 
 def body_twists(mechanism: Mechanism, tree: Tree) -> Callable[..., Sequence[ca.DM]]:

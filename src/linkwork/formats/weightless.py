@@ -9,7 +9,7 @@ only move so together are told together: of axes that coincide, or of one gear.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, vstack
 from scipy.sparse.csgraph import connected_components
 
 from linkwork.equations.reference import described
@@ -61,8 +61,10 @@ def weightless(mechanism: Mechanism, away: float = 0.0) -> list[list[str]]:
     if not instant.rates:
         return []
     M, C = instant.inertia() + _unknown(mechanism, instant), instant.held()
-    owners = np.array(instant.joints)
-    coupled = (M != 0) | ((C.T != 0) @ (C != 0)) | (owners[:, None] == owners)
+    owners, owner = np.array(instant.joints), np.unique(instant.joints, return_inverse=True)[1]
+    # Rates are coupled by M, by a row of C, and by being those of one joint.
+    ties = vstack([csr_array(C != 0), csr_array(np.arange(owner.max() + 1)[:, None] == owner)])
+    coupled = csr_array(M != 0) + ties.T @ ties
     order = {name: k for k, name in enumerate(mechanism.joints)}
     found = []
     for own in _parts(coupled):
@@ -95,7 +97,7 @@ def unresisted(M: np.ndarray, C: np.ndarray) -> np.ndarray:
     return N @ vectors[:, values < NOISE]
 
 
-def _parts(coupled: np.ndarray) -> list[np.ndarray]:
+def _parts(coupled: np.ndarray | csr_array) -> list[np.ndarray]:
     """Return the places of what is coupled, part by part."""
     count, part = connected_components(csr_array(coupled), directed=False)
     return [np.flatnonzero(part == k) for k in range(count)]

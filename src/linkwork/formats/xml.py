@@ -136,7 +136,11 @@ class Element:
         """
         if default is not None and not self.attributes.get(name, "").strip():
             return default
-        words = self.text(name).split()
+        text = self.text(name)
+        if any(mark in text for mark in MACROS):
+            what = f"{name} holds {shortened(text)}, which is a macro"
+            raise self.refusal(f"{what}; expand the file with xacro first")
+        words = text.split()
         if len(words) not in counts:
             wanted = " or ".join(map(str, counts))
             raise self.refusal(f"{name} holds {len(words)} numbers; give {wanted}")
@@ -164,10 +168,8 @@ class Element:
         try:
             value = float(word.replace("_", "?"))
         except ValueError:
-            what = "is not a number"
-            if word.startswith(MACROS):
-                what = "is a macro; expand the file with xacro first"
-            raise self.refusal(f"{name} holds {shortened(word)}, which {what}") from None
+            what = "which is not a number"
+            raise self.refusal(f"{name} holds {shortened(word)}, {what}") from None
         if not isfinite(value) and not (most == inf and isinf(value)):
             raise self.refusal(
                 f"{name} holds {shortened(word, quoted=False)}, which is not a finite number"

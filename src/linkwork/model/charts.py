@@ -93,10 +93,11 @@ class CompiledChart:
 
     def _kernel(self, name: str) -> Kernel:
         known([name], KERNELS, "kernel")
-        make = getattr(functions, name)
-        return self.compiled(
-            name, lambda equations: self._stored(name, lambda: make(equations))
-        ).given(self.p)
+        return self.compiled(name, lambda _: self._function(name)).given(self.p)
+
+    def _function(self, name: str) -> ca.Function:
+        """Return one of `functions`, derived once for its kernel and for what asks its size."""
+        return self._stored(name, lambda: getattr(functions, name)(self.equations))
 
     def compiled(self, key: str, make: Callable[[Equations], ca.Function | Kernel]) -> Kernel:
         """Return the kernel of a function of these equations, kept under a key for all charts that
@@ -190,7 +191,7 @@ class CompiledChart:
         """Whether compiling the motion takes longer than a run should wait for."""
 
         def instructions() -> np.ndarray:
-            return np.array(functions.motion(self.equations).n_instructions())
+            return np.array(self._function("motion").n_instructions())
 
         if bearings(self.equations.mechanism.joints):
             return False  # their friction is found with the accelerations, of each chart its own

@@ -122,13 +122,28 @@ class JointReader:
         frames = [poses.frame_of(poses.inverse(B) @ X) for _, B in ends]
         fields = {"connects": tuple(connects), "frames": tuple(frames)}
         # Those without axes, with one, with two.
-        if kind in ("fixed", "ball"):
-            made = FixedJoint if kind == "fixed" else SphericalJoint
-            self.joints[joint.name] = element.make(made, **fields)
+        if kind == "fixed":
+            self.joints[joint.name] = element.make(FixedJoint, **fields)
+        elif kind == "ball":
+            fields["friction"] = self._of_ball(element)
+            self.joints[joint.name] = element.make(SphericalJoint, **fields)
         elif kind in ("universal", "revolute2"):
             self._two_axes(joint, fields)
         else:
             self._one_axis(joint, kind, fields)
+
+    def _of_ball(self, element: Element) -> dict[str, Friction]:
+        """Return what damps a ball: that of its first axis acts against all turns, as in Drake."""
+        axis = element.first("axis")
+        dynamics = None if axis is None else axis.first("dynamics")
+        if dynamics is None:
+            return {}
+        for name in ("friction", "spring_stiffness"):
+            if dynamics.inner_number(name, 0.0):
+                self.notes.on(dynamics, f"says {name}, which a ball has not here", alters=True)
+        viscous = dynamics.inner_number("damping", 0.0)
+        made = dynamics.make(Friction, viscous=viscous)
+        return {freedom: made for freedom in SphericalJoint.freedoms} if viscous else {}
 
     def _planar(self, scope: Scope, element: Element) -> None:
         """Read a joint of Drake's in the plane of x and y of its parent."""

@@ -28,6 +28,7 @@ KNOWN = {
     "dynamics": ("damping", "friction", "spring_stiffness", "spring_reference"),
 }
 """Elements that these may hold; those of others by their prefix ("drake:...") are no matter."""
+BEGINS = "is left out: joints begin where the poses of their links put them"
 SEEN = "says relative_to, which is left out: an inertial is placed in its link"
 
 
@@ -40,5 +41,7 @@ def tell_unread(element: Element, notes: Notes) -> None:
             notes.on(child, f"in a <{element.tag}> is left out: it is not known here", alters=True)
         if (element.tag, child.tag) == ("inertial", "pose") and child.attributes.get("relative_to"):
             notes.on(child, SEEN, alters=True)
+        if child.tag == "initial_position" and child.content.strip("+-0. "):
+            notes.on(child, BEGINS)
         if child.tag in (*ONCE, *KNOWN):
             tell_unread(child, notes)
