@@ -56,7 +56,7 @@ def test_linkages_that_nothing_ties_are_looked_at_side_by_side():
     assert {*found.spins} == {*found.idle} == named and found.mobility == 6
     rows = found.equations.rows
     Phi = np.array(found.equations.tree.evaluated("Phi", [rows.Phi])(found.home.q)[0])
-    free = motions(found.equations.tree, Phi)
+    free = motions(found.equations.tree, Phi, bodies)
     assert free.rates.shape == (len(found.equations.tree.rates), 2)
     assert free.counts[free.counts > 0].tolist() == [2, 2, 2] and np.allclose(Phi @ free.rates, 0)
 

@@ -15,8 +15,6 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from linkwork.equations import contact, effects, fluid
 from linkwork.equations.algebra import SX, cross
@@ -99,7 +97,7 @@ def spinning(
     twists = body_twists(mechanism, tree)
     found, count = {chain: [] for chain in chains}, 0
     for q, Phi in zip(configurations, samples, strict=True):
-        free = motions(tree, Phi)
+        free = motions(tree, Phi, places)
         t = np.array(twists(q, free.rates)[0]).reshape(len(places), 6, -1)
         t[:, 3:] /= tree.length
         turns: dict[Member, np.ndarray] = {}
@@ -129,8 +127,11 @@ class Motions(NamedTuple):
     of_bodies: dict[str, int | None]
 
 
-def motions(tree: Tree, Phi: np.ndarray) -> Motions:
-    """Return what Phi (rows x nv) leaves free; slides in m."""
+def motions(tree: Tree, Phi: np.ndarray, bodies: Iterable[str]) -> Motions:
+    """Return what Phi (rows x nv) leaves free, and who moves the bodies; slides in m."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
     # Rates are tied by rows that hold both, and those of a node to those of the node before it.
     last: dict[int, int | None] = {GROUND_NODE.index: None}
     ties = [(int(k[0]), int(other)) for k in map(np.flatnonzero, Phi) for other in k[1:]]
@@ -150,7 +151,7 @@ def motions(tree: Tree, Phi: np.ndarray) -> Motions:
         counts[of_rates[k]] += 1
     basis = np.zeros((len(tree.rates), counts.max(initial=0)))
     basis[tuple(np.array(units, int).reshape(-1, 2).T)] = 1.0
-    moving = {name: last[node.index] for name, node in tree.of_bodies.items()}
+    moving = {name: last[tree.node(name).index] for name in bodies}
     of_bodies = {name: None if k is None else int(of_rates[k]) for name, k in moving.items()}
     return Motions(tree.rate_units[:, None] * found.mirrored(basis), counts, of_rates, of_bodies)
 
