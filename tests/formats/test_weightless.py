@@ -2,11 +2,12 @@
 
 import warnings
 
+import numpy as np
 import pytest
 
 import linkwork as lw
 from linkwork.errors import ModelWarning
-from linkwork.formats import load
+from linkwork.formats import load, weightless
 
 HEAVY = '<inertial pos="0.1 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>'
 POINT = '<inertial pos="0 0 0.1" mass="1" diaginertia="0 0 0"/>'
@@ -142,3 +143,18 @@ def test_ends_that_meet_are_told_where_no_run_begins_from_there(tmp_path):
         assert robot.simulate(robot.home, duration=0.01).success != meets
         away = load(path, reference={"pin": 0.5}).mechanism
         assert lw.Robot(away).simulate(lw.Robot(away).home, duration=0.01).success
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_definite_inertia_settles_it_without_the_motions_that_loops_leave(seed, monkeypatch):
+    """They took time with the cube of all rows; where some motion of the tree moves no mass they
+    are looked at as ever."""
+    random = np.random.default_rng(seed)
+    J, C = random.standard_normal((9, 7)), random.standard_normal((3, 7))
+    still = np.linalg.svd(C)[2][-1]  # a motion that the rows leave
+    light = J - np.outer(J @ still, still)
+    (found,) = weightless.unresisted(light.T @ light, C).T
+    size = np.linalg.norm(light, axis=0) * still
+    np.testing.assert_allclose(abs(found @ size), np.linalg.norm(size), rtol=1e-9)
+    monkeypatch.setattr(np.linalg, "svd", None)
+    assert weightless.unresisted(J.T @ J, C).shape == (7, 0)

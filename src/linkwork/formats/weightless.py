@@ -19,6 +19,7 @@ from linkwork.mechanism import Cable, Mechanism
 from linkwork.mechanism.joints import QUATERNION
 
 NOISE = 1e-13  # least eigenvalue of M that is rounding, in units in which each rate's is 1
+SURE = 1e-9  # least eigenvalue of M that no rounding of its sums makes up
 DEPENDENT = 1e-9  # least singular value of rows of length 1 that is rounding
 PART = 1e-6  # least part of a joint in a motion [1]
 SHOWN = 4  # names in one sentence
@@ -88,13 +89,27 @@ def unresisted(M: np.ndarray, C: np.ndarray) -> np.ndarray:
     orthonormal (n, k)."""
     size = np.sqrt(M.diagonal().clip(0))
     size[size == 0] = size[size > 0].min(initial=np.inf) if size.any() else 1.0
+    M = M / size / size[:, None]
+    if is_definite(M):
+        return np.empty((len(M), 0))
     N = np.eye(len(M))
     if len(C):
         C = C / size
         _, s, Vt = np.linalg.svd(C / np.linalg.norm(C, axis=1, keepdims=True))
         N = Vt[int((s > DEPENDENT).sum()) :].T
-    values, vectors = np.linalg.eigh(N.T @ (M / size / size[:, None]) @ N)
+    values, vectors = np.linalg.eigh(N.T @ M @ N)
     return N @ vectors[:, values < NOISE]
+
+
+def is_definite(M: np.ndarray) -> bool:
+    """Tell whether the least eigenvalue of M is surely no rounding: that of M in any motions of
+    length 1 is no less (Cauchy's interlacing), so that those which loops leave need not be found.
+    """
+    try:
+        np.linalg.cholesky(M - SURE * np.eye(len(M)))
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def _parts(coupled: np.ndarray | csr_array) -> list[np.ndarray]:
