@@ -274,9 +274,9 @@ def test_quaternions_keep_their_length_however_far_a_body_is():
 
 
 def test_slides_and_angles_make_the_closure_looser_once_each():
-    """A gantry whose slide is far out: lengths count by the own one, angles by radians."""
-    far = lw.Robot(lw.robots.slider_crank())
-    slide = next(x for x in far.coordinates if far.unit(x) == "m")
-    lengths = abs(float(far.home[slide])) / far.equations.tree.length
-    turned = [abs(float(far.home[x])) for x in far.coordinates if far.unit(x) == "rad"]
-    assert far.size <= max(1.0, lengths) * max(1.0, *turned) * (1 + 1e-12)
+    """A slide beyond the own length counts over that alone, not once more among the angles."""
+    robot = lw.Robot(lw.robots.slider_crank())
+    slide = next(x for x in robot.coordinates if robot.unit(x) == "m")
+    lengths = abs(float(robot.home[slide])) / robot.equations.tree.length
+    turned = [abs(float(robot.home[x])) for x in robot.coordinates if robot.unit(x) == "rad"]
+    assert robot.size <= max(1.0, lengths) * max(1.0, *turned) * (1 + 1e-12)
