@@ -20,6 +20,7 @@ from linkwork.control.continued import continued
 from linkwork.control.drives import Ideal
 from linkwork.control.observation import expression
 from linkwork.equations import Equations, bearings, uncharted
+from linkwork.equations.functions import of_inputs
 from linkwork.equations.powers import contact_terms, power_terms
 
 DIRECTION = "d"  # the input of a derivative along a direction
@@ -161,7 +162,7 @@ class Joined:
     def slopes(self) -> ca.Function:
         """Return (q, w, z, r, p, a, l, d) -> the derivative of q', of what `uncharted.unbalanced`
         gives at a and l, and of z', along a direction d of (q, w, z, r); as `balance`."""
-        *state, p = self.inputs.values()
+        *state, _ = self.inputs.values()
         a, multipliers = (
             ca.SX.sym(name, size)
             for name, size in (("a", self.equations.nv), ("l", len(self.equations.rows.names)))
@@ -170,10 +171,9 @@ class Joined:
         parts = found["derivatives"], found["forces"], self.outputs["extra_rates"], found["gamma"]
         given = ca.vertcat(*state)
         d = ca.SX.sym("d", given.numel())
-        along = ca.densify(ca.jtimes(ca.densify(ca.vertcat(*parts)), given, d))
-        names = [*self.inputs, "a", "l", DIRECTION]
-        given = [*state, p, a, multipliers, d]
-        return ca.Function("slopes", given, [along], names, ["along"], {"cse": True})
+        along = ca.jtimes(ca.densify(ca.vertcat(*parts)), given, d)
+        inputs = self.inputs | {"a": a, "l": multipliers, DIRECTION: d}
+        return of_inputs("slopes", inputs, {"along": along})
 
     def jacobian(self) -> ca.Function:
         """Return (q, v, z, r, p) -> df/dy and df/dr, column by column."""
@@ -185,12 +185,11 @@ class Joined:
 
     def tangent(self) -> ca.Function:
         """Return (q, v, z, r, p, d) -> the derivative of y' along a direction d of (q, v, z, r)."""
-        *state, p = self.inputs.values()
+        *state, _ = self.inputs.values()
         given = ca.vertcat(*state)
         d = ca.SX.sym("d", given.numel())
-        along = ca.densify(ca.jtimes(ca.densify(self.derivatives), given, d))
-        names = [*self.inputs, DIRECTION]
-        return ca.Function("tangent", [*state, p, d], [along], names, ["along"], {"cse": True})
+        along = ca.jtimes(ca.densify(self.derivatives), given, d)
+        return of_inputs("tangent", self.inputs | {DIRECTION: d}, {"along": along})
 
     def derivative(self) -> ca.Function:
         """Return `tangent` where the Jacobian is large, else `jacobian`."""
@@ -256,7 +255,4 @@ class Joined:
         return self._function("contacts", contact_terms(self.equations))
 
     def _function(self, name: str, outputs: dict[str, ca.SX]) -> ca.Function:
-        dense = [ca.densify(value) for value in outputs.values()]
-        return ca.Function(
-            name, [*self.inputs.values()], dense, [*self.inputs], [*outputs], {"cse": True}
-        )
+        return of_inputs(name, self.inputs, outputs)

@@ -16,17 +16,23 @@ from linkwork.equations.elimination import solve
 from linkwork.equations.equations import Equations, conditions
 from linkwork.equations.joint_map import derivative
 
+LONG = 100_000  # instructions
+
 
 def function(
     name: str, equations: Equations, outputs: dict[str, ca.SX], **inputs: ca.SX
 ) -> ca.Function:
     """Make a CasADi function of q, inputs and p, with dense outputs and no expression computed
     twice."""
-    inputs = {"q": equations.tree.q, **inputs, "p": equations.p}
-    dense = [ca.densify(value) for value in outputs.values()]
-    return ca.Function(
-        name, list(inputs.values()), dense, list(inputs), list(outputs), {"cse": True}
-    )
+    return of_inputs(name, {"q": equations.tree.q, **inputs, "p": equations.p}, outputs)
+
+
+def of_inputs(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+    """Make the same of inputs alone. In a LONG one what is computed twice is left to kernels, which
+    find it, too: to CasADi that takes as long as all expressions took."""
+    given = name, [*inputs.values()], [*map(ca.densify, outputs.values())], [*inputs], [*outputs]
+    made = ca.Function(*given)
+    return made if made.n_instructions() > LONG else ca.Function(*given, {"cse": True})
 
 
 def motion(equations: Equations) -> ca.Function:

@@ -400,15 +400,14 @@ def shorter(home: CompiledChart, q: np.ndarray) -> CompiledChart:
     """Return the chart for runs: of the home chart and that of free bodies' own rates the one with
     fewer instructions."""
     equations = home.equations
-    joints = equations.topology.joints
     labels = [
         label
-        for name, joint in joints.items()
+        for name, joint in equations.topology.joints.items()
         if joint.type == "free"
         for label in joint.rates(name)
     ]
-    if not labels or set(labels) == set(home.independent):
+    if equations.recursive or not labels or set(labels) == set(home.independent):
         return home
     candidate = home.better(q, tuple(sorted(equations.tree.rates.index(label) for label in labels)))
-    counts = [functions.motion(chart.equations).n_instructions() for chart in (home, candidate)]
+    counts = [chart._function("motion").n_instructions() for chart in (home, candidate)]
     return candidate if counts[1] < counts[0] else home
