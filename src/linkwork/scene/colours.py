@@ -36,6 +36,7 @@ class RoleLook(NamedTuple):
 
 
 LOOKS = {
+    "floor": RoleLook(PALE, 0.8),  # plane or field of heights of the ground
     "base": RoleLook(PALE, 0.9),  # plate between stands
     "rail": RoleLook(GREY, 1.0),  # on the ground
     "stand": RoleLook(PALE, 1.0),  # of what is fixed to the ground

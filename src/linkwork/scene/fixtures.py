@@ -23,7 +23,11 @@ from linkwork.scene.scene import scene_of
 PLATE, EDGE = 0.012, 0.0055
 # Of springs: their number, and the radius of the wire relative to the mechanism.
 COILS, WIRE = 8, 0.004
-OPACITY = {"shell": 0.55, "base": 0.5}  # by role, of what would hide joints and ground
+OPACITY = {
+    "shell": 0.55,
+    "base": 0.5,
+    "floor": 0.5,
+}  # by role, of what would hide joints and ground
 SHARP = 1e-6  # one less the cosine of the angle between two faces with an edge between them
 
 

@@ -110,3 +110,8 @@ def moved(points: np.ndarray, bodies: tuple[str, ...], moves: Moves) -> np.ndarr
         return way[..., None, :] + points @ np.swapaxes(turn, -1, -2)
     each = zip(points, (moves[body] for body in bodies), strict=True)
     return np.stack([way + turn @ point for point, (way, turn) in each], axis=-2)
+
+
+def corners(part: ScenePart) -> np.ndarray:
+    """Return the points (k, 3) of a part [m]."""
+    return part.form.corners if isinstance(part.form, PlacedMesh) else part.form.points

@@ -7,7 +7,7 @@ by form and role, and knows no kinds of joints or shapes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,11 +16,13 @@ import numpy as np
 from linkwork.mechanism import GROUND, Mechanism
 from linkwork.mechanism.limits import limited
 from linkwork.robot import Robot, State
+from linkwork.scene import surfaces
+from linkwork.scene.cable_runs import Placed
 from linkwork.scene.colours import DRIVEN, TRIAD
 from linkwork.scene.curves import hull
 from linkwork.scene.ground import ground
 from linkwork.scene.meshes import BALL, PlacedMesh, drawable
-from linkwork.scene.parts import Bar, Coil, Hull, Moves, ScenePart, moved
+from linkwork.scene.parts import Bar, Coil, Hull, Moves, ScenePart, corners, moved
 from linkwork.scene.skeleton import Skeleton, skeleton
 from linkwork.scene.symbols import symbol
 
@@ -34,13 +36,14 @@ ARROW, MASS, WINDING = 0.09, 0.035, 0.025  # length of a tool's axes, radii of m
 class Scene:
     """Hold all that is drawn of a robot, in a pose, and how its bodies move from there in others.
 
-    pose: the points; moves: of the ground and of all bodies, to each of the poses that are shown
-        (K)
+    pose: the points; poses: places and turns of the ground and of all bodies
+    moves: of the same, to each of the poses that are shown (K)
     shown: whether these are all that is shown; else the mechanism may be brought anywhere
     """
 
     robot: Robot
     pose: Skeleton
+    poses: Mapping[str, Placed]
     moves: Moves
     shown: bool
 
@@ -56,17 +59,32 @@ class Scene:
 
     @cached_property
     def points(self) -> np.ndarray:
-        """Return all points (N, 3) of all poses [m]."""
-        elsewhere = [
-            moved(own, (name,), self.moves).reshape(-1, 3)
-            for name, own in self.pose.by_body.items()
-        ]
+        """Return all points (N, 3) of all poses, and of what they are above [m]."""
+        return np.concatenate([self.own_points, *(corners(part) for part in self.sheets)])
+
+    @cached_property
+    def own_points(self) -> np.ndarray:
+        """Return the points (N, 3) of the mechanism in all poses [m]."""
+        held = [*self.pose.by_body.items()]
+        held += [(body, solid.corners) for _, body, solid in self.touching]
+        elsewhere = [moved(own, (name,), self.moves).reshape(-1, 3) for name, own in held]
         return np.concatenate([self.pose.points, *elsewhere])
 
     @cached_property
     def size(self) -> float:
-        """Return the largest extent of the points [m]."""
-        return float(np.ptp(self.points, axis=0).max()) or 1.0
+        """Return the largest extent of the mechanism's points [m]."""
+        return float(np.ptp(self.own_points, axis=0).max()) or 1.0
+
+    @cached_property
+    def touching(self) -> list[tuple[str, str, PlacedMesh]]:
+        """Return the solids of contacts that no shape of a body shows."""
+        return surfaces.solids(self.robot.mechanism, self.poses, self.pose.solids)
+
+    @cached_property
+    def sheets(self) -> tuple[ScenePart, ...]:
+        """Return the planes and fields of heights of contacts."""
+        given = self.poses, self.own_points, self.size, self.flat
+        return tuple(surfaces.sheets(self.robot.mechanism, *given))
 
     def moves_to(self, k: int) -> Moves:
         """Return how the bodies move to the other pose of a number."""
@@ -80,6 +98,8 @@ class Scene:
         pose, size = self.pose, self.size
         limits = None if self.shown else dict((label, own) for label, own, _ in limited(mechanism))
         return (
+            *self.sheets,
+            *surfaces.solid_parts(self.touching, size),
             *ground(pose, self.moves, limits, size, planar),
             *bodies(mechanism, pose, size, self.flat),
             *(part for joint in pose.joints for part in symbol(joint, size)),
@@ -93,7 +113,7 @@ def scene_of(robot: Robot, state: State, shown: State | None = None) -> Scene:
 
     shown: the one or more states that are drawn; left out: the robot may be brought to any
     """
-    here = robot.body_poses(state)
+    here = {GROUND: (np.zeros(3), np.eye(3))} | robot.body_poses(state)
     there = here if shown is None else robot.body_poses(shown)
     moves = {}
     for name, (place, turn) in there.items():
@@ -101,7 +121,7 @@ def scene_of(robot: Robot, state: State, shown: State | None = None) -> Scene:
         moves[name] = (place.reshape(-1, 3) - way @ here[name][0], way)
     count = len(next(iter(moves.values()))[1])
     moves[GROUND] = (np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
-    return Scene(robot, skeleton(robot, state), moves, shown is not None)
+    return Scene(robot, skeleton(robot, state), here, moves, shown is not None)
 
 
 def bodies(mechanism: Mechanism, pose: Skeleton, size: float, flat: bool) -> Iterator[ScenePart]:

@@ -117,6 +117,7 @@ class BrowserStage:
             batched_colors=np.full_like(colours, rgb(PINK)) if faint else colours,
             opacity=FAINT if faint else OPACITY.get(parts[0].role),
             flat_shading=not parts[0].mesh.smooth,
+            side="front" if parts[0].mesh.convex else "double",
             lod="off",
         )
         stretched = any(isinstance(part.carrier, int) for part in parts)

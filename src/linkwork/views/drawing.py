@@ -8,6 +8,7 @@ paler the longer ago. Driven joints are orange.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -123,7 +124,7 @@ def paint(canvas: Canvas, part: ScenePart) -> None:
         case Bar() as line:
             paint_line(canvas, part, line)
         case Hull() as hull:
-            edge, alpha = (GREY, 0.35) if part.role == "base" else (EDGE, 0.6)
+            edge, alpha = (GREY, 0.35) if part.look.grounded else (EDGE, 0.6)
             look = {"lw": 1.3} if canvas.flat else {"lw": 0.8, "alpha": alpha}
             canvas.faces(hull.faces, part.colour, edge, part.look.level, **look)
         case Coil() as coil:
@@ -154,11 +155,14 @@ def paint_piece(canvas: Canvas, part: ScenePart, piece: PlacedMesh) -> None:
 
 
 def paint_line(canvas: Canvas, part: ScenePart, line: Bar) -> None:
-    """Draw a line: a rail as ground, an arrow of a tool, a bar with dark edges, or a thin line,
-    dashed between gears."""
+    """Draw a line: a rail or floor as ground, an arrow of a tool, a bar with dark edges, or a thin
+    line, dashed between gears."""
     symbols, gid = plane if canvas.flat else space, part.name if part.standing else None
     if part.role == "rail":
         symbols.draw_rail(canvas, line.points)
+    elif part.role == "floor":
+        for start, end in pairwise(line.points):
+            plane.draw_floor(canvas, start, end)
     elif part.role == "tool":
         symbols.draw_arrow(canvas, line.points, str(part.colour))
     elif part.role in BARS:

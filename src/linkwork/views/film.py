@@ -161,12 +161,12 @@ def film(
         parts = sorted(scene.parts, key=lambda part: part.look.level)
         shelf = Shelf(scene, sum(own.shape[1] for own in points))
         moving = (
-            stroke for part in parts if not part.look.grounded for stroke in shelf.strokes(part)
+            stroke for part in parts if not still_drawn(part) for stroke in shelf.strokes(part)
         )
         strokes += [replace(stroke, faint=number < len(both) - 1) for stroke in moving]
         points.append(shelf.all)
         last = number == len(both) - 1
-        ground = (part for part in parts if part.look.grounded)
+        ground = (part for part in parts if still_drawn(part))
         still += [stroke_of_ground(scene, p) for p in ground if last or p.role == "rail"]
     still += [] if over is None else path(robot, over[1], PINK)
     still += path(robot, states)
@@ -244,11 +244,19 @@ class Shelf:
                 )
 
 
+def still_drawn(part: ScenePart) -> bool:
+    """Tell whether a part is drawn once below all frames: of what stands still all but meshes,
+    which are seen from all sides."""
+    mesh = isinstance(part.form, PlacedMesh) and not part.form.mesh.convex
+    return part.look.grounded and not mesh
+
+
 def stroke_of_ground(scene: Scene, part: ScenePart) -> Stroke:
-    """Return what draws a rail, a stand or the base."""
+    """Return what draws a rail, a floor, a stand or the base."""
     match part.form:
         case Bar() as rail:
-            ends = plane.floor_of(rail.points, scene.size) if scene.flat else rail.points
+            below = scene.flat and part.role == "rail"
+            ends = plane.floor_of(rail.points, scene.size) if below else rail.points
             return Stroke("line", ends, GREY, 2.0)
         case PlacedMesh() as pad if scene.flat:
             return Stroke("line", plane.bearing(pad.position, scene.size), GREY, 1.5)
