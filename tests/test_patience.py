@@ -115,9 +115,21 @@ def test_deriving_compiling_and_searching_are_announced(terminal, monkeypatch, t
     assert robot.kernel("motion").address
     lw.analysis.assembly_modes(robot, starts=64)
     lw.analysis.workspace(robot, {"x": [0.5], "y": [0.3], "angle": 0.5})
+    limits = lw.motions.ActuatorLimits(force=20.0, speed=1.0)
+    line = lw.paths.line((0.5, 0.3, 0.5), (0.55, 0.33, 0.5))
+    lw.motions.fastest(robot, line, limits, points=5)
+    run = robot.simulate(robot.home, [0.0, 0.0, 0.0], duration=0.01)
+    lw.views.write_report(robot, run, tmp_path / "run.html")
+    lw.views.write_video(robot, run, tmp_path / "run.gif")
+    lw.formats.save(description, tmp_path / "patient.xml")
+    lw.formats.load(tmp_path / "patient.xml")
     said = terminal.getvalue()
     assert "linkwork: deriving the equations of motion of patient took" in said
     assert "linkwork: preparing" in said
     assert "linkwork: compiling motion" in said
     assert "linkwork: searching for assembly modes took" in said
     assert "linkwork: mapping the workspace took" in said
+    assert "linkwork: finding the law of the least time took" in said
+    assert "linkwork: writing the report took" in said
+    assert "linkwork: drawing the video took" in said
+    assert "linkwork: reading patient.xml took" in said

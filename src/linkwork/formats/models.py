@@ -19,6 +19,7 @@ from linkwork.formats.references import Reference, referred
 from linkwork.mechanism import Mechanism, MechanismError
 from linkwork.mechanism.files import NATIVE as NATIVE
 from linkwork.mechanism.record import swapped
+from linkwork.patience import announced
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,11 @@ def warn(mechanism: Mechanism, stacklevel: int) -> None:
 def read(path: str | Path, reading: Reading = PLAIN) -> Imported:
     """Read a mechanism from a model file as `load` does, without warnings."""
     path = file_path(path, "the path of a model file")
+    with announced(f"reading {path.name}"):
+        return _read(path, reading)
+
+
+def _read(path: Path, reading: Reading) -> Imported:
     suffix = path.suffix.lower()
     # The native format, and what is none that can be read.
     if suffix in NATIVE:

@@ -35,6 +35,7 @@ from linkwork.motions.reachability import Constraints, NoLawError, fastest_squar
 from linkwork.motions.reversals import reversals
 from linkwork.motions.timed_paths import TimedPath, sample_count
 from linkwork.paths import Path, uniform
+from linkwork.patience import announced
 from linkwork.robot import Robot
 
 BOUNDS = ("force", "speed", "acceleration", "power", "jerk")
@@ -157,6 +158,7 @@ def fastest(
     return found
 
 
+@announced("finding the law of the least time")
 def least_time(
     robot: Robot,
     path: Path | TimedPath,

@@ -20,6 +20,7 @@ from linkwork.checks import file_path, needed, writing
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import GearJoint, Limits, Mechanism
 from linkwork.mechanism.parameter_units import with_unit
+from linkwork.patience import announced
 from linkwork.robot import Robot, State
 from linkwork.runs.quantities import QUANTITIES, SavedQuantity
 from linkwork.runs.resuming import recorded
@@ -39,6 +40,7 @@ FIRST = ("tool_pose", "joint_position", "joint_rate", "command")  # of the pictu
 METHODS = {"Rodas5P": "for stiff equations, with the exact Jacobian"}
 
 
+@announced("writing the report")
 def write_report(robot: Robot, run: Run, path: str | Path, *, over: Run | None = None) -> Path:
     """Write the report of a run as one self-contained HTML page; a file that exists is replaced.
 

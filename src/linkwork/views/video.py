@@ -16,6 +16,7 @@ import numpy as np
 
 from linkwork.checks import file_path, writing
 from linkwork.errors import LinkworkError
+from linkwork.patience import announced
 from linkwork.robot import Motion, Robot, State
 from linkwork.scene.scene import scene_of
 from linkwork.simulation import Run
@@ -32,6 +33,7 @@ FAINT, BELOW = 0.3, -1.0  # how strong what is laid over is drawn, and how far b
 AROUND = 0.06  # room about a plane mechanism, relative to its size
 
 
+@announced("drawing the video")
 def write_video(
     robot: Robot,
     run: Run | Motion,
