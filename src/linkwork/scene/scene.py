@@ -83,7 +83,8 @@ class Scene:
     @cached_property
     def sheets(self) -> tuple[ScenePart, ...]:
         """Return the planes and fields of heights of contacts."""
-        given = self.poses, self.own_points, self.size, self.flat
+        room = surfaces.SHOWN if self.shown else surfaces.ANYWHERE
+        given = self.poses, self.own_points, self.size, room, self.flat
         return tuple(surfaces.sheets(self.robot.mechanism, *given))
 
     def moves_to(self, k: int) -> Moves:

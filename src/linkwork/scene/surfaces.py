@@ -17,7 +17,7 @@ from linkwork.scene.skeleton import frame_pose, placed
 from linkwork.solids.triangles import Triangles, simplified
 
 # Lengths are relative to the mechanism
-ROOM = 0.15  # around what is drawn above a surface
+SHOWN, ANYWHERE = 0.15, 0.6  # around what is drawn above a surface, and where that may be led
 EDGE, DOT = 0.004, 0.012  # radii of a line of the ground, and of points without one
 ASIDE = 0.5  # part of a normal, or of an axis, in the picture's plane, below which it is not seen
 
@@ -50,16 +50,24 @@ def solid_parts(found: list[tuple[str, str, PlacedMesh]], size: float) -> Iterat
 
 
 def sheets(
-    mechanism: Mechanism, poses: Mapping[str, Placed], points: np.ndarray, size: float, flat: bool
+    mechanism: Mechanism,
+    poses: Mapping[str, Placed],
+    points: np.ndarray,
+    size: float,
+    room: float,
+    flat: bool,
 ) -> Iterator[ScenePart]:
     """Yield planes and fields of heights as far as points (N, 3) lie above or below them, and some
-    more; in the plane, where they cut it."""
+    room more; in the plane, where they cut it.
+
+    size: of the mechanism [m]; room: relative to it
+    """
     for (body, surface), name in once(mechanism).items():
         if not isinstance(surface, Plane | HeightField):
             continue
         origin, turn = frame_pose(poses[body], surface.frame)
         own = (points - origin) @ turn
-        reach = np.array([own.min(axis=0) - ROOM * size, own.max(axis=0) + ROOM * size])
+        reach = np.array([own.min(axis=0) - room * size, own.max(axis=0) + room * size])
         form = section(surface, (origin, turn), reach, size) if flat else sheet(surface, reach)
         if form is None:
             continue
