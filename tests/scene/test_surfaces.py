@@ -59,6 +59,16 @@ def test_a_plane_is_one_sheet_below_all_that_moves_over_it():
         assert own[:, k].max() > centres[:, k].max() + 0.1
 
 
+def test_a_plane_far_below_makes_no_picture_small():
+    """A ball of 0.2 m, dropped from so many of its sizes; it may be led anywhere."""
+    for sizes, drawn in ((4, 1), (6, 0)):
+        plane = lw.Plane(frame=lw.Frame(position=(0, 0, -0.2 * sizes)))
+        robot = falling((plane, lw.Sphere(radius=0.1)))
+        shown, led = scene_of(robot, robot.home, robot.home), scene_of(robot, robot.home)
+        assert [part.role for part in shown.parts].count("floor") == drawn
+        assert [part.role for part in led.parts].count("floor") == 1
+
+
 def test_a_field_is_drawn_by_its_heights_where_bodies_are():
     field = lw.HeightField(frame=SLOPE, heights=HEIGHTS, spacing=(0.5, 0.4))
     robot = falling((field, lw.Sphere(radius=0.1)))

@@ -83,8 +83,7 @@ class Scene:
     @cached_property
     def sheets(self) -> tuple[ScenePart, ...]:
         """Return the planes and fields of heights of contacts."""
-        room = surfaces.SHOWN if self.shown else surfaces.ANYWHERE
-        given = self.poses, self.own_points, self.size, room, self.flat
+        given = self.poses, self.own_points, self.size, self.shown, self.flat
         return tuple(surfaces.sheets(self.robot.mechanism, *given))
 
     def moves_to(self, k: int) -> Moves:

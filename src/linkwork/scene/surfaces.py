@@ -18,6 +18,7 @@ from linkwork.solids.triangles import Triangles, simplified
 
 # Lengths are relative to the mechanism
 SHOWN, ANYWHERE = 0.15, 0.6  # around what is drawn above a surface, and where that may be led
+FAR = 5.0  # above a surface, or below it, from which on that would make pictures small
 EDGE, DOT = 0.004, 0.012  # radii of a line of the ground, and of points without one
 ASIDE = 0.5  # part of a normal, or of an axis, in the picture's plane, below which it is not seen
 
@@ -54,20 +55,26 @@ def sheets(
     poses: Mapping[str, Placed],
     points: np.ndarray,
     size: float,
-    room: float,
+    shown: bool,
     flat: bool,
 ) -> Iterator[ScenePart]:
     """Yield planes and fields of heights as far as points (N, 3) lie above or below them, and some
-    room more; in the plane, where they cut it.
+    more; in the plane, where they cut it.
 
-    size: of the mechanism [m]; room: relative to it
+    size: of the mechanism [m]; shown: whether the points are all that is shown, to which those that
+        are far do not belong
     """
+    room = (SHOWN if shown else ANYWHERE) * size
     for (body, surface), name in once(mechanism).items():
         if not isinstance(surface, Plane | HeightField):
             continue
         origin, turn = frame_pose(poses[body], surface.frame)
         own = (points - origin) @ turn
-        reach = np.array([own.min(axis=0) - room * size, own.max(axis=0) + room * size])
+        reach = np.array([own.min(axis=0) - room, own.max(axis=0) + room])
+        heights = np.array(surface.heights) if isinstance(surface, HeightField) else np.zeros(1)
+        above, below = reach[0, 2] - heights.max(), heights.min() - reach[1, 2]
+        if shown and max(above, below) > FAR * size:
+            continue
         form = section(surface, (origin, turn), reach, size) if flat else sheet(surface, reach)
         if form is None:
             continue
