@@ -3,14 +3,17 @@ as the exact ones do."""
 
 from functools import cache
 
+import mujoco
 import numpy as np
 import pytest
+from scipy.linalg import null_space
 
 import linkwork as lw
 from linkwork import robots
 from linkwork.equations import derive
 from linkwork.equations.lengths import own_length
 from linkwork.errors import ModelWarning
+from linkwork.formats import save
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, RevoluteJoint
 
 from tests.hostile.changes import rounded, scaled, spatial
@@ -245,3 +248,33 @@ def test_inertias_far_too_great_leave_the_length_and_the_freedoms(name, size):
     assert own_length(heavy) == own_length(mechanism)
     if name == "prr3":
         assert derive(heavy).mobility == 3
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-3])
+def test_an_actuator_that_a_tilted_axis_holds_still_is_told(tilt, tmp_path):
+    """Beside a pendulum, which moves: a four-bar linkage none of whose motions is left where one
+    axis is a thousandth off. MuJoCo's own rows say whether its crank can move."""
+    linkage = drawn(tilt)
+    pendulum = RevoluteJoint(connects=("ground", "pendulum"))
+    beside = linkage.model_copy(
+        update={
+            "bodies": linkage.bodies | {"pendulum": linkage.bodies["crank"]},
+            "joints": linkage.joints | {"swing": pendulum},
+            "actuators": ("left", "swing"),
+        }
+    )
+    robot = lw.Robot(beside)
+    told = [note for note in robot.equations.caveats if "hold still" in note]
+    path = tmp_path / "beside.xml"
+    save(robot.mechanism, path)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    rows = data.efc_J.reshape(-1, model.nv)[: data.ne]
+    free = null_space(rows, rcond=1e-6)
+    movable = np.linalg.norm(free[model.joint("left").dofadr[0]]) > 1e-9
+    assert (robot.mobility, free.shape[1], movable) == (
+        (2, 2, True) if tilt == 0 else (1, 1, False)
+    )
+    assert not told if movable else "'left' drives" in told[0] and "swing" not in told[0]
