@@ -14,7 +14,15 @@ from linkwork.equations import derive
 from linkwork.equations.lengths import own_length
 from linkwork.errors import ModelWarning
 from linkwork.formats import save
-from linkwork.mechanism import Body, Frame, Inertia, Mechanism, MechanismError, RevoluteJoint
+from linkwork.mechanism import (
+    Body,
+    FixedJoint,
+    Frame,
+    Inertia,
+    Mechanism,
+    MechanismError,
+    RevoluteJoint,
+)
 
 from tests.hostile.changes import rounded, scaled, spatial
 from tests.oracle.maximal import MaximalOracle
@@ -278,3 +286,18 @@ def test_an_actuator_that_a_tilted_axis_holds_still_is_told(tilt, tmp_path):
         (2, 2, True) if tilt == 0 else (1, 1, False)
     )
     assert not told if movable else "'left' drives" in told[0] and "swing" not in told[0]
+
+
+def test_an_actuator_of_what_a_lock_holds_is_none_that_is_told():
+    beside = drawn(0.0)
+    swing = RevoluteJoint(connects=("ground", "pendulum"))
+    locked = beside.model_copy(
+        update={
+            "bodies": beside.bodies | {"pendulum": beside.bodies["crank"]},
+            "joints": beside.joints
+            | {"swing": swing, "lock": FixedJoint(connects=("ground", "pendulum"))},
+            "actuators": ("left", "swing"),
+        }
+    )
+    robot = lw.Robot(locked)
+    assert robot.mobility == 1 and not robot.equations.caveats

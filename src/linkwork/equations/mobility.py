@@ -37,7 +37,7 @@ def held_still(mechanism: Mechanism, tree: Tree, samples: np.ndarray) -> str:
     may be a dead centre.
 
     Rates that rows couple, one part of the mechanism each, are looked at by themselves; those of
-    parts beyond LARGE are not.
+    parts beyond LARGE are not, nor those that a lock holds, which is meant: a row of one rate.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
@@ -48,14 +48,16 @@ def held_still(mechanism: Mechanism, tree: Tree, samples: np.ndarray) -> str:
         for name in mechanism.actuators
     }
     driven = {label for labels in acted.values() for label in labels}
-    coupled = (np.abs(samples) > RANK).any(axis=0).astype(int)
-    count, part = connected_components(csr_array(coupled.T @ coupled), directed=False)
+    coupled = (np.abs(samples) > RANK).any(axis=0)
+    ties = csr_array(coupled.astype(int))
+    count, part = connected_components(ties.T @ ties, directed=False)
     for k in range(count) if len(samples) > 1 else ():
         own = np.flatnonzero(part == k)
         rows = coupled[:, own].any(axis=1)
         if len(own) <= LARGE and rows.any() and driven & {tree.rates[i] for i in own}:
             moving = [free_motions(Phi[rows][:, own]) for Phi in samples]
             held[own] = np.all([np.linalg.norm(N, axis=1) < RANK for N in moving], axis=0)
+    held[coupled[coupled.sum(axis=1) == 1].any(axis=0)] = False
     still = {label for label, own in zip(tree.rates, held, strict=True) if own}
     names = [name for name, labels in acted.items() if labels and still.issuperset(labels)]
     return ", ".join(map(repr, names))
