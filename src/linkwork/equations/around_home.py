@@ -25,6 +25,7 @@ from linkwork.equations.reference import (
     OpenLoopsError,
     bends,
     close,
+    led,
     neighbours,
     unit,
 )
@@ -170,7 +171,10 @@ def held(tree: Tree, rows: ClosureRows, starts: Iterable[np.ndarray]) -> Closure
             samples = jacobians(tree, rows, [q, *near])
             values = np.linalg.svd(samples, compute_uv=False)
             rank = int((values > ROUNDED_RANK * values[:, :1]).sum(axis=1).max())
-            opens = np.abs(system(q)[0]).max(initial=0.0) > OPEN or (
+            # Rows that hardly depend on each other close where they hold still what they should
+            # leave free; nearby, where the others close, they are open.
+            ways = (led(system, tree, each, damping=ROUNDED_DAMPING) for each in (q, *near))
+            opens = max(np.abs(phi).max(initial=0.0) for _, phi in ways) > OPEN or (
                 near and not neighbours(system, tree, q)
             )
             if opens and rank < len(rows.names):
