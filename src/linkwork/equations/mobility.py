@@ -48,7 +48,7 @@ def held_still(mechanism: Mechanism, tree: Tree, samples: np.ndarray) -> str:
         for name in mechanism.actuators
     }
     driven = {label for labels in acted.values() for label in labels}
-    coupled = (np.abs(samples) > RANK).any(axis=0)
+    coupled = np.any(np.abs(samples) > RANK, axis=0)
     ties = csr_array(coupled.astype(int))
     count, part = connected_components(ties.T @ ties, directed=False)
     for k in range(count) if len(samples) > 1 else ():
