@@ -156,6 +156,19 @@ INSIDE_OUT = (
 )
 
 
+def test_meshes_that_are_not_there_are_told_in_one_sentence(tmp_path):
+    path = tmp_path / "model.xml"
+    asset = "".join(f'<mesh name="m{k}" file="part{k}.stl"/>' for k in range(6))
+    geoms = "".join(f'\n<geom type="mesh" mesh="m{k}"/>' for k in (0, 1, 1, 2, 3, 4, 5))
+    path.write_text(MODEL.format(compiler="", asset=asset, body=f'<geom size="0.1"/>{geoms}'))
+    with pytest.warns(ModelWarning, match="whose mass is left out"):
+        imported = load(path)
+    files = "its file 'part0.stl', 'part1.stl', 'part2.stl', 'part3.stl', ... is not in"
+    for what in ("is not shown", "whose mass is left out"):
+        (told,) = [note for note in imported.notes if what in note and "mesh" in note]
+        assert "and 6 more: <geom>" in told and files in told
+
+
 @pytest.mark.parametrize(
     ("asset", "words"),
     [

@@ -382,6 +382,24 @@ def test_masses_by_density_and_those_that_are_not_given(tmp_path):
     assert any("<link 'b'> says nothing of its mass" in note for note in imported.notes)
 
 
+@pytest.mark.parametrize("wrong", ["0.1 inch", "${r}"])
+def test_a_visual_whose_numbers_are_wrong_is_not_shown_and_refuses_nothing(wrong, tmp_path):
+    """libsdformat, by which Gazebo and Drake read, takes the number in front of other letters."""
+    visual = "<visual name='v'><geometry><sphere><radius>{}</radius></sphere></geometry></visual>"
+    link = LINK.format("a", "0 0 0 0 0 0", 1)
+    texts = [
+        model(
+            link.replace("</link>", f"{visual.format(size)}</link>"),
+            joint("j", "revolute", "world", "a"),
+        )
+        for size in ("0.1", wrong)
+    ]
+    right, found = (read(text, tmp_path) for text in texts)
+    assert found.mechanism.bodies["a"].shapes == () != right.mechanism.bodies["a"].shapes
+    assert not found.mechanism.caveats
+    assert [note for note in found.notes if "<visual 'v'> is not shown: " in note]
+
+
 def test_limits_efforts_and_shapes(tmp_path):
     limit = "<axis><xyz>0 0 1</xyz><limit><lower>-1e16</lower><upper>2</upper>{}</limit></axis>"
     visual = (

@@ -394,6 +394,19 @@ def test_refusals_name_file_and_line(text, tmp_path):
     assert REFUSED[text] in str(refusal.value)
 
 
+def test_a_joint_without_axis_and_without_room_is_fixed(tmp_path):
+    """Pinocchio reads it as a joint that moves nothing: inertia at the others is the same."""
+    text = samples.URDF.replace('<axis xyz="0 1 1"/>', '<axis xyz="0 0 0"/>')
+    imported = read(text.replace('lower="-0.2"', 'lower="0.2"'), tmp_path)
+    robot, theirs = lw.Robot(imported.mechanism), pin.buildModelFromUrdf(str(tmp_path / "arm.urdf"))
+    M = pin.crba(theirs, theirs.createData(), pin.neutral(theirs))
+    assert robot.actuators == ("shoulder", "elbow") and not imported.mechanism.caveats
+    np.testing.assert_allclose(robot.mass_matrix(robot.home), M[:2, :2], rtol=1e-12, atol=1e-12)
+    assert sum("<joint 'stroke'> is fixed: its axis has no" in note for note in imported.notes) == 1
+    with pytest.raises(MechanismError, match="axis has no length"):
+        read(text, tmp_path)
+
+
 def test_an_inertial_without_a_mass_is_told(tmp_path):
     with pytest.warns(ModelWarning, match="<inertial> of 'a' holds no <mass>, which is zero then"):
         imported = read(arm().replace('<mass value="1"/>', '<density value="500"/>', 1), tmp_path)

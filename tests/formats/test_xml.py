@@ -129,6 +129,22 @@ def test_what_tinyxml_reads_is_read_in_the_same_lines(kind, tmp_path):
     assert any(f"line {line}: <joint 'j'> says foo" in note for note in imported.notes)
 
 
+def test_what_stands_behind_the_end_of_the_root_is_passed_over_and_told(tmp_path):
+    """MuJoCo reads the first root and stops at the next end tag: a model of one hinge."""
+    path = tmp_path / "model.xml"
+    text = WELL_FORMED.replace(' foo="1"', "")
+    behind = "<!-- <a/> -->\n<site/>\n</spatial>\n<mujoco><worldbody/></mujoco>"
+    path.write_text(text + behind)
+    assert mujoco.MjModel.from_xml_path(str(path)).nq == 1
+    imported = load(path)
+    assert imported.mechanism.joints.keys() == {"j"}
+    line = 1 + (text + behind).split("<site")[0].count("\n")
+    told = f"model.xml, line {line}: <what stands behind </mujoco>> is left out"
+    assert [note for note in imported.notes if told in note]
+    path.write_text(text + "<!-- <a/> --></mujoco>")
+    assert not load(path).notes
+
+
 def test_mending_takes_time_by_the_length_of_the_file(tmp_path):
     path = tmp_path / "model.xml"
     for start in ("<!--", " ", "&", '="', "<?xml "):

@@ -17,6 +17,7 @@ from linkwork.equations.equations import ClosureRows, smallest_singular
 from linkwork.equations.homing import ROUNDED, closed_reference, closing, first_home, jacobians
 from linkwork.equations.independence import independent_rows, largest_rows
 from linkwork.equations.joint_map import JointMap
+from linkwork.equations.mobility import held_still
 from linkwork.equations.nearest import moved
 from linkwork.equations.reference import (
     OPEN,
@@ -24,6 +25,7 @@ from linkwork.equations.reference import (
     OpenLoopsError,
     bends,
     close,
+    led,
     neighbours,
     unit,
 )
@@ -55,6 +57,11 @@ UNHELD = (
     "redundant rows stay open by up to {:.2g} near home (lengths over the mechanism's own, and "
     "rad), as rounded numbers leave them: {}; the other rows are closed exactly, these are not held"
 )
+STILL = (
+    "loops and gears hold still what {} drives: its forces move nothing at home or beside it; "
+    "where it should move, look for axes that are not quite parallel or do not quite meet, as "
+    "rounded or measured numbers leave them"
+)
 
 
 class ClosedSamples(NamedTuple):
@@ -74,6 +81,18 @@ def closed_samples(
     start: np.ndarray,
     starts: Callable[[], Iterable[np.ndarray]],
 ) -> ClosedSamples:
+    """Close the loops at the reference and near it, and warn of actuators that loops hold there."""
+    found = _closed(joints, rows, start, starts)
+    still = held_still(joints.mechanism, joints.tree, found.Phi)
+    return found._replace(caveats=(*found.caveats, *((STILL.format(still),) if still else ())))
+
+
+def _closed(
+    joints: JointMap,
+    rows: ClosureRows,
+    start: np.ndarray,
+    starts: Callable[[], Iterable[np.ndarray]],
+) -> ClosedSamples:
     """Close the loops at the reference and near it.
 
     Where rounded numbers leave redundant rows open, these are not held; where the rows lose rank at
@@ -85,7 +104,7 @@ def closed_samples(
         reference = first_home(joints, rows, start, starts())
     except MechanismError:
         if (fewer := held(tree, rows, starts())) is not None:
-            return closed_samples(joints, fewer, start, starts)
+            return _closed(joints, fewer, start, starts)
         if not singular_start(tree, rows, start):
             raise
         reference = first_home(joints, rows, start, chain([start], bends(tree, start)))
@@ -94,7 +113,7 @@ def closed_samples(
     rounded = unheld_notes(tree, rows, samples[0])
     nearly = nearly_dependent(samples[1][0])
     if (nearly or len(samples[0]) == 1) and (fewer := held(tree, rows, starts())) is not None:
-        return closed_samples(joints, fewer, start, starts)
+        return _closed(joints, fewer, start, starts)
     # A reference that has the rank of its neighbours will do; else one is looked for beside it.
     own = len(independent_rows([samples[1][0]]))
     rank = own if own == len(rows.names) else len(independent_rows([*samples[1]]))
@@ -152,7 +171,10 @@ def held(tree: Tree, rows: ClosureRows, starts: Iterable[np.ndarray]) -> Closure
             samples = jacobians(tree, rows, [q, *near])
             values = np.linalg.svd(samples, compute_uv=False)
             rank = int((values > ROUNDED_RANK * values[:, :1]).sum(axis=1).max())
-            opens = np.abs(system(q)[0]).max(initial=0.0) > OPEN or (
+            # Rows that hardly depend on each other close where they hold still what they should
+            # leave free; nearby, where the others close, they are open.
+            ways = (led(system, tree, each, damping=ROUNDED_DAMPING) for each in (q, *near))
+            opens = max(np.abs(phi).max(initial=0.0) for _, phi in ways) > OPEN or (
                 near and not neighbours(system, tree, q)
             )
             if opens and rank < len(rows.names):

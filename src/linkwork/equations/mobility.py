@@ -23,11 +23,44 @@ from linkwork.mechanism import GROUND, Mechanism, MechanismError, PairJoint
 
 RANK = 1e-9
 TURNS_OUT = 1e-9
+LARGE = 200  # rates that rows couple, in which what is held still is looked for
 
 
 def free_motions(Phi: np.ndarray) -> np.ndarray:
     """Return an orthonormal basis (nv x n) of the rates that Phi allows."""
     return reflect(Phi).null_space
+
+
+def held_still(mechanism: Mechanism, tree: Tree, samples: np.ndarray) -> str:
+    """Return the actuators, as words, none of whose tree joints moves by any motion that Phi
+    (samples x rows x nv) allows; nothing where all move something, or there is one sample, which
+    may be a dead centre.
+
+    Rates that rows couple, one part of the mechanism each, are looked at by themselves; those of
+    parts beyond LARGE are not, nor those that a lock holds, which is meant: a row of one rate.
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
+    lines, held = mechanism.transmissions, np.zeros(len(tree.rates), bool)
+    acted = {
+        name: getattr(lines[name], "ratios", ()) if name in lines else (name,)
+        for name in mechanism.actuators
+    }
+    driven = {label for labels in acted.values() for label in labels}
+    coupled = np.any(np.abs(samples) > RANK, axis=0)
+    ties = csr_array(coupled.astype(int))
+    count, part = connected_components(ties.T @ ties, directed=False)
+    for k in range(count) if len(samples) > 1 else ():
+        own = np.flatnonzero(part == k)
+        rows = coupled[:, own].any(axis=1)
+        if len(own) <= LARGE and rows.any() and driven & {tree.rates[i] for i in own}:
+            moving = [free_motions(Phi[rows][:, own]) for Phi in samples]
+            held[own] = np.all([np.linalg.norm(N, axis=1) < RANK for N in moving], axis=0)
+    held[coupled[coupled.sum(axis=1) == 1].any(axis=0)] = False
+    still = {label for label, own in zip(tree.rates, held, strict=True) if own}
+    names = [name for name, labels in acted.items() if labels and still.issuperset(labels)]
+    return ", ".join(map(repr, names))
 
 
 def gruebler(mechanism: Mechanism, planar: bool) -> int:

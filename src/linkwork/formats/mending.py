@@ -3,8 +3,8 @@ same: files from hands and from old exporters.
 
 Bytes that are no UTF-8 (Windows' letters in names and comments), empty lines before the
 declaration, words before the first element, two hyphens in a comment, <! ...> that is none, a lone
-& in a name, attributes without a space between them, characters that print nothing, the last end
-tag twice. The text stays in its lines; entities and document types stay what they are.
+& in a name, attributes without a space between them, characters that print nothing. The text stays
+in its lines; entities and document types stay what they are.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ ENCODING = re.compile(rb"""<\?xml\b[^>]*\bencoding\s*=\s*["']([^"']+)["']""")
 LONE = re.compile(r"&(?![#\w]+;)")
 TOUCHING = re.compile(r"""(=\s*(?:"[^"<]*"|'[^'<]*'))(?=[\w:])""")
 UNPRINTED = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f]")
-SPARE = re.compile(r"(</([\w:]+)\s*>)(?:\s*</\2\s*>)+\s*\Z")
 ODD = re.compile(r"<!(?!--|DOCTYPE|ENTITY|\[CDATA\[)[^>]*>")
 LETTERS = ("utf-8-sig", "cp1252", "latin-1")
 WIDE = (b"\xff\xfe", b"\xfe\xff")  # how UTF-16 begins
@@ -35,8 +34,7 @@ def mended(data: bytes) -> bytes | None:
     start = max(text.find("<"), 0)
     text = _lines(text[:start]) + text[start:]
     text = ODD.sub(lambda odd: _lines(odd[0]), _without_comments(text))
-    text = SPARE.sub(r"\1", UNPRINTED.sub(" ", LONE.sub("&amp;", text)))
-    return TOUCHING.sub(r"\1 ", text).encode()
+    return TOUCHING.sub(r"\1 ", UNPRINTED.sub(" ", LONE.sub("&amp;", text))).encode()
 
 
 def _decoded(data: bytes) -> str:

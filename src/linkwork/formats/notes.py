@@ -6,9 +6,21 @@ Those by which the mechanism moves otherwise than the file says are its caveats.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from linkwork.formats.xml import Element
 
 SHOWN = 4  # names of elements in one sentence
+
+
+class Remark(NamedTuple):
+    """Hold what elements of one tag share: what is said before and behind the words in which they
+    differ, and whether it alters the motion."""
+
+    tag: str
+    before: str
+    behind: str
+    alters: bool
 
 
 class Notes:
@@ -16,21 +28,22 @@ class Notes:
     all of them, or of none."""
 
     def __init__(self) -> None:
-        self._groups: dict[tuple[str, str, bool], list[Element]] = {}
-        self._alters: dict[
-            str | tuple[str, str, bool], bool
-        ] = {}  # in the order of the first remarks
+        self._groups: dict[Remark, list[Element]] = {}
+        self._words: dict[Remark, dict[str, None]] = {}
+        self._alters: dict[str | Remark, bool] = {}  # in the order of the first remarks
 
     def say(self, sentence: str, alters: bool = False) -> None:
         """Add a sentence, once; `alters`: the motion is another than the file's."""
         self._alters[sentence] = alters or self._alters.get(sentence, False)
 
-    def on(self, element: Element, remark: str, alters: bool = False) -> None:
+    def on(self, element: Element, remark: str, alters: bool = False, words: str = "") -> None:
         """Add a remark on an element, such as "is left out: a contact is no joint"; `alters` as for
-        `say`."""
-        key = element.tag, remark, alters
+        `say`; words: of the remark, in which it may differ from others that share a sentence."""
+        before, _, behind = remark.partition(words) if words else (remark, "", "")
+        key = Remark(element.tag, before, behind, alters)
         self._alters[key] = alters
         self._groups.setdefault(key, []).append(element)
+        self._words.setdefault(key, {})[words] = None
 
     def sentences(self) -> tuple[str, ...]:
         """Return all sentences in the order of their first remarks."""
@@ -40,11 +53,12 @@ class Notes:
         """Return the sentences on what alters the motion."""
         return tuple(self._sentence(item) for item, alters in self._alters.items() if alters)
 
-    def _sentence(self, key: str | tuple[str, str, bool]) -> str:
+    def _sentence(self, key: str | Remark) -> str:
         if isinstance(key, str):
             return key
-        tag, remark, _ = key
-        elements = self._groups[key]
+        elements, words = self._groups[key], [*self._words[key]]
+        more = ", ..." if len(words) > SHOWN else ""
+        remark = f"{key.before}{', '.join(words[:SHOWN])}{more}{key.behind}"
         first = elements[0]
         if len(elements) == 1:
             return f"{first.place}: {first.label} {remark}"
@@ -56,4 +70,4 @@ class Notes:
         shown = (
             f" ({', '.join(names)}{', ...' if len(elements) > len(names) else ''})" if names else ""
         )
-        return f"{first.place} and {len(elements) - 1} more: <{tag}>{shown} {remark}"
+        return f"{first.place} and {len(elements) - 1} more: <{key.tag}>{shown} {remark}"

@@ -7,6 +7,7 @@ many elements is refused while it is read; nothing outside the file is ever open
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite, isinf
@@ -239,8 +240,11 @@ def _built(data: bytes, path: Path, lined: bool) -> Element:
     except MechanismError:
         raise
     except expat.ExpatError as error:
-        what = expat.errors.messages[error.code]
-        raise _BrokenError(f"{path}: line {error.lineno}: is not well-formed XML: {what}") from None
+        if not building.complete:
+            what = expat.errors.messages[error.code]
+            wrong = f"{path}: line {error.lineno}: is not well-formed XML: {what}"
+            raise _BrokenError(wrong) from None
+        building.pass_over(data[parser.ErrorByteIndex :], error.lineno if lined else 0)
     except (LookupError, ValueError):
         raise MechanismError(
             f"{path}: is in an encoding that is not known; save it as UTF-8"
@@ -275,6 +279,11 @@ class _Building:
         self.path, self.count = path, 0
         self.open = [Element("", {}, path, 0)]
 
+    @property
+    def complete(self) -> bool:
+        """Return whether the root has ended."""
+        return len(self.open) == 1 and bool(self.open[0].children)
+
     def start(self, tag: str, attributes: dict[str, str], line: int) -> None:
         self.count += 1
         if self.count > MOST:
@@ -302,6 +311,14 @@ class _Building:
 
     def end(self, tag: str) -> None:
         self.open.pop()
+
+    def pass_over(self, behind: bytes, line: int) -> None:
+        """Keep that elements stand behind the end of the root, which others never read: as one that
+        no reader knows, so that it is told; comments and spare end tags are nothing."""
+        if re.search(rb"<\w", re.sub(rb"<!--.*?-->", b"", behind, flags=re.DOTALL)):
+            root = self.open[0].children[0]
+            what = f"what stands behind </{root.tag}>"
+            root.children.append(Element(what, {}, self.path, line))
 
     def refuse_doctype(
         self, name: str, system: str | None, public: str | None, inside: bool

@@ -145,7 +145,8 @@ def mesh_shown(
         if turned and np.ptp(asset.scale) > NEAR * abs(asset.scale).max():
             raise LinkworkError("it is turned, and scaled by different factors")
     except LinkworkError as error:
-        notes.on(element, f"is a mesh that is not shown: {error}")
+        remark = f"is a mesh that is not shown: {error}"
+        notes.on(element, remark, words=getattr(error, "file", ""))
         return []
     # S R' (p - p_ref) is the pose S R' (-p_ref), R' of the scaled mesh, where S and R' commute.
     R = asset.reference[:3, :3].T

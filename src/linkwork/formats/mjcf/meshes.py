@@ -30,6 +30,14 @@ from linkwork.solids.triangles import MODES, Mode, Triangles, hull_of, weighed
 MADE = "it is made by MuJoCo itself (builtin, or a plugin)"
 
 
+class AbsentMeshError(LinkworkError):
+    """Say, in half a sentence, that a mesh's file, whose name is quoted, is not in a folder."""
+
+    def __init__(self, file: str, folder: Path):
+        super().__init__(f"its file {file} is not in {str(folder)!r}")
+        self.file = file
+
+
 @dataclass(frozen=True)
 class MeshAsset:
     """Hold one <mesh>, with its defaults, in a document."""
@@ -57,7 +65,7 @@ class MeshAsset:
         except (OSError, ValueError):
             raise LinkworkError(f"its file {shortened(name)} is no path") from None
         if not there:
-            raise LinkworkError(f"its file {shortened(name)} is not in {str(path.parent)!r}")
+            raise AbsentMeshError(shortened(name), path.parent)
         return path
 
     @property
@@ -185,7 +193,8 @@ class Meshes:
             asset = self.asset(geom)
             solid = asset.solid
         except LinkworkError as error:
-            notes.on(geom, f"is a mesh, whose mass is left out: {error}", alters=True)
+            remark = f"is a mesh, whose mass is left out: {error}"
+            notes.on(geom, remark, alters=True, words=getattr(error, "file", ""))
             return None
         for caution in asset.cautions():
             notes.on(geom, caution)

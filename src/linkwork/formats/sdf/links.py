@@ -128,39 +128,48 @@ def _of_mesh(collision: Element, density: float, reading: Reading, notes: Notes)
 
 
 def shapes_of_link(scope: Scope, link: Element, reading: Reading, notes: Notes) -> Iterator[Shape]:
-    """Yield what is shown of a link, in its axes."""
+    """Yield what is shown of a link, in its axes; a visual whose numbers are wrong, which is no
+    dynamics, is noted."""
     for visual in link.each("visual"):
-        # Where it is, and its colour.
-        material = visual.first("material")
-        colour = material and material.inner("diffuse")
-        fields = {
-            "frame": poses.frame_of(_pose_in_link(scope, link, visual)),
-            "colour": None
-            if colour is None
-            else tuple(np.clip(colour.numbers("diffuse", (3, 4))[:3], 0, 1).tolist()),
-        }
-        # A mesh, or a simple shape.
-        mesh = _mesh(visual)
-        if mesh is not None:
-            yield from _shown(visual, mesh, fields, reading, notes)
-            continue
-        kind, size = _geometry(visual)
-        if not kind or min(size) <= 0:
-            notes.on(
-                visual,
-                "is not shown: it is no mesh, box, cylinder, sphere, capsule or ellipsoid with a "
-                "size",
-            )
-            continue
-        if kind == "box":
-            yield visual.make(Box, size=tuple((2 * size).tolist()), **fields)
-        elif kind == "sphere":
-            yield visual.make(Sphere, radius=float(size[0]), **fields)
-        elif kind == "ellipsoid":
-            yield visual.make(Ellipsoid, radii=tuple(size.tolist()), **fields)
-        else:
-            made = Cylinder if kind == "cylinder" else Capsule
-            yield visual.make(made, radius=float(size[0]), length=float(2 * size[1]), **fields)
+        try:
+            yield from tuple(_shapes_of(scope, link, visual, reading, notes))
+        except MechanismError as error:
+            notes.on(visual, f"is not shown: {str(error).removeprefix(f'{visual.file}: ')}")
+
+
+def _shapes_of(
+    scope: Scope, link: Element, visual: Element, reading: Reading, notes: Notes
+) -> Iterator[Shape]:
+    """Yield the shape of a <visual>, if it has one."""
+    # Where it is, and its colour.
+    material = visual.first("material")
+    colour = material and material.inner("diffuse")
+    fields = {
+        "frame": poses.frame_of(_pose_in_link(scope, link, visual)),
+        "colour": None
+        if colour is None
+        else tuple(np.clip(colour.numbers("diffuse", (3, 4))[:3], 0, 1).tolist()),
+    }
+    # A mesh, or a simple shape.
+    mesh = _mesh(visual)
+    if mesh is not None:
+        yield from _shown(visual, mesh, fields, reading, notes)
+        return
+    kind, size = _geometry(visual)
+    if not kind or min(size) <= 0:
+        notes.on(
+            visual,
+            "is not shown: it is no mesh, box, cylinder, sphere, capsule or ellipsoid with a size",
+        )
+    elif kind == "box":
+        yield visual.make(Box, size=tuple((2 * size).tolist()), **fields)
+    elif kind == "sphere":
+        yield visual.make(Sphere, radius=float(size[0]), **fields)
+    elif kind == "ellipsoid":
+        yield visual.make(Ellipsoid, radii=tuple(size.tolist()), **fields)
+    else:
+        made = Cylinder if kind == "cylinder" else Capsule
+        yield visual.make(made, radius=float(size[0]), length=float(2 * size[1]), **fields)
 
 
 def _shown(

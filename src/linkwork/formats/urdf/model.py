@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from math import inf
 
 import numpy as np
 
@@ -174,7 +175,7 @@ def _named_links(root: Element) -> dict[str, Element]:
 def _put_joints(model: UrdfModel, links: dict[str, Element], notes: Notes) -> None:
     """Put the joints into a model, of which each link is carried by one; others close loops."""
     for element in model.root.each("joint", drake.JOINT):
-        joint = _read_joint(element, links)
+        joint = _read_joint(element, links, notes)
         if joint.name in model.joints:
             raise element.refusal("has the name of another joint; names are given once")
         model.put(joint)
@@ -209,7 +210,7 @@ def _follow_tree(model: UrdfModel, links: dict[str, Element]) -> None:
         )
 
 
-def _read_joint(element: Element, links: dict[str, Element]) -> UrdfJoint:
+def _read_joint(element: Element, links: dict[str, Element], notes: Notes) -> UrdfJoint:
     kinds: dict[str, str] = (
         DRAKE if element.tag == drake.JOINT else dict(zip(TYPES, TYPES, strict=True))
     )
@@ -220,8 +221,20 @@ def _read_joint(element: Element, links: dict[str, Element]) -> UrdfJoint:
             raise element.refusal(f"there is no link {link!r}")
     if ends[0] == ends[1]:
         raise element.refusal(f"connects {ends[0]!r} to itself")
+    if _stands_still(element):
+        notes.on(element, "is fixed: its axis has no length, and its limits leave it no motion")
+        kind = "fixed"
     axis = np.zeros(3) if kind in ("fixed", "floating", "spherical") else axis_of(element)
     return UrdfJoint(element, element.text("name"), kind, ends[0], ends[1], origin(element), axis)
+
+
+def _stands_still(element: Element) -> bool:
+    """Tell whether a joint has an axis without length, and limits that are one number."""
+    axis, limit = element.first("axis"), element.first("limit")
+    if not (axis and limit and {"lower", "upper"} <= limit.attributes.keys()):
+        return False
+    ends = {limit.number(name, most=inf) for name in ("lower", "upper")}
+    return not any(axis.vector("xyz", (1.0, 0.0, 0.0))) and len(ends) == 1
 
 
 def origin(element: Element, tag: str = "origin") -> np.ndarray:
