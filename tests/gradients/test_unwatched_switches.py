@@ -3,6 +3,8 @@ pass zero: closed solutions of a cart of 2 kg."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -192,3 +194,43 @@ def test_losses_of_runs_that_stop_early_are_refused():
     robot = lw.Robot("prr3")
     with pytest.raises(LinkworkError, match=r"loss of 5 s has neither .* The run stopped at t = "):
         robot.gradient(lambda t, s: s["slide_1"], robot.home, [30.0, 0, 0], duration=5, max_steps=9)
+
+
+@pytest.mark.parametrize("surface", [lw.Points(points=((0, 0, 0),)), lw.Sphere(radius=0.05)])
+def test_the_force_of_a_contact_that_leaps_at_the_edge_of_a_field_asks_for_an_event(surface):
+    """Derivatives were 5 % off, without a word; with it they are those of differences."""
+    slope = lw.HeightField(
+        heights=((0, 0), (0.1, 0.1)), spacing=(1, 1), frame=lw.Frame(position=(0, -0.5, 0))
+    )
+    upright = lw.Frame(rotation=(np.pi / 2, 0, 0))
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"ball": lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.01, yy=0.01, zz=0.01))},
+            joints={"p": lw.PlanarJoint(connects=("ground", "ball"), frames=(upright, upright))},
+            contacts={
+                "c": lw.Contact(
+                    connects=("ground", "ball"),
+                    surfaces=(slope, surface),
+                    stiffness=1e3,
+                    exponent=1,
+                )
+            },
+        )
+    )
+    start = robot.state([0.8, 0.07 + getattr(surface, "radius", 0), 0]).with_rates([2.0, 0.2, 0])
+    told: Any = {"duration": 0.15, "rtol": 1e-12, "atol": 1e-13}
+    events = [Event(lambda t, state: state["p.x"] - 1.0, cuts=True)]
+
+    def loss(t, state):
+        return state["p.x"] + 3 * state.rate("p.x") + 2 * state.rate("p.y")
+
+    def value(rates):
+        run = robot.simulate(start.with_rates(rates), events=events, **told)
+        return float(loss(0.15, robot.observe(run.final)))
+
+    with pytest.raises(LinkworkError, match=r"force of a contact jumps at t = 0\.10.* watch for"):
+        robot.gradient(loss, start, **told)
+    found = robot.gradient(loss, start, events=events, **told)["rates"]
+    for i, aside in enumerate(1e-4 * np.eye(3)[:2]):
+        difference = (value(start.rates + aside) - value(start.rates - aside)) / 2e-4
+        assert found[i] == pytest.approx(difference, rel=2e-6)

@@ -1,4 +1,4 @@
-"""Switches: where what acts on a run branches, and whether it jumps there.
+"""Switches: where what acts on a run branches, contacts included, and whether it jumps there.
 
 What is traced branches by comparisons, and by what rounds numbers: `linkwork.math.where`, `sign`,
 `floor`. Their values are the modes of what acts. Where the modes change within a step, the change
@@ -19,6 +19,7 @@ from linkwork.control.joined import Joined
 from linkwork.errors import LinkworkError
 from linkwork.gradients.instants import at_instants
 from linkwork.kernels import Kernel
+from linkwork.mechanism import Mechanism, Plane
 from linkwork.model.charts import CompiledChart
 from linkwork.runs.system import System
 
@@ -34,10 +35,14 @@ MOST = 16  # changes within a step that are looked at
 
 
 class Switching(NamedTuple):
-    """Give (q, v, z, r, p) -> the modes, and what acts continuously: forces, rates, wrenches."""
+    """Give (q, v, z, r, p) -> the modes, and what acts continuously: forces, rates, wrenches.
+
+    what: as a refusal names it
+    """
 
     modes: int
     kernel: Kernel
+    what: str = "what acts"
 
 
 def switching(system: System, chart: CompiledChart, cost: int | None) -> Switching | None:
@@ -49,6 +54,32 @@ def switching(system: System, chart: CompiledChart, cost: int | None) -> Switchi
     joined, key = system.joined(chart), system.acting.key
     kernel = chart.compiled(f"{key} switches {cost}", lambda _: function(joined, cost))
     return Switching(kernel.outputs[0][1], kernel)
+
+
+def touching(system: System, chart: CompiledChart) -> Switching | None:
+    """Return how the forces of contacts branch in a chart; None where no normal leaps: it does over
+    the edge of a field, the rim of a box, between capsules that turn past each other."""
+    if system.acting is None or not edged(system.joined(chart).equations.mechanism):
+        return None
+    key = f"{system.acting.key} touching"
+    kernel = chart.compiled(key, lambda _: pressing(system.joined(chart)))
+    return Switching(kernel.outputs[0][1], kernel, "the force of a contact")
+
+
+def edged(mechanism: Mechanism) -> bool:
+    """Tell whether surfaces meet of which none is a plane."""
+    contacts = mechanism.contacts.values()
+    return any(not any(isinstance(of, Plane) for of in each.surfaces) for each in contacts)
+
+
+def pressing(joined: Joined) -> ca.Function:
+    """Return (q, v, z, r, p) -> modes, and the forces of contacts."""
+    told = joined.contacts()
+    given = told.sx_in()
+    found = ca.densify(ca.vertcat(ca.SX(0, 1), *modes(told, given, ca.SX(0, 1))))
+    return ca.Function(
+        "touching", given, [found, told(*given)[0]], [*joined.inputs], ["modes", "acts"]
+    )
 
 
 @lru_cache(maxsize=256)
@@ -100,7 +131,7 @@ def modes(of: ca.Function, given: list[ca.SX], of_time: ca.SX) -> list[ca.SX]:
 def require_no_jumps(
     own: Switching, p: np.ndarray, t: np.ndarray, x: np.ndarray, fixed: bool
 ) -> None:
-    """Refuse steps within which what acts jumps.
+    """Refuse steps within which what branches jumps.
 
     Args:
         p: parameters; t, x: times (K, M) and (y, r) at M places of each step (K, M, n + nr), from
@@ -114,7 +145,7 @@ def require_no_jumps(
         if at is not None:
             cure = "take a method that chooses its steps, and " if fixed else ""
             raise LinkworkError(
-                f"what acts jumps at t = {t[i, k] + at * (t[i, k + 1] - t[i, k]):.6g} s, where no "
+                f"{own.what} jumps at t = {t[i, k] + at * (t[i, k + 1] - t[i, k]):.6g} s, where no "
                 f"step ends, so that derivatives would lack the jump; {cure}watch for the switch "
                 "by an event that ends steps, Event(function, cuts=True)"
             )
