@@ -16,6 +16,7 @@ import numpy as np
 
 from linkwork.control.acting import Acting
 from linkwork.control.joined import Joined
+from linkwork.equations.algebra import SX
 from linkwork.errors import LinkworkError
 from linkwork.gradients.instants import at_instants
 from linkwork.kernels import Kernel
@@ -30,6 +31,9 @@ STEPPING = {
 """Operations that step."""
 JUMP, NOISE = 1e-6, 1e-12
 """Change of a number of what acts that is a jump, relative to its size near by and the largest."""
+BESIDE, LEAP = 2.0**-20, 1e-4
+"""Of contacts, whose corners are rounded off within rounding: how far from a switch both sides are
+looked at, relative to the step, and the change that is a jump."""
 NEAR = 2.0**-40  # width of the way in which a change is found, relative to the step
 MOST = 16  # changes within a step that are looked at
 
@@ -37,12 +41,15 @@ MOST = 16  # changes within a step that are looked at
 class Switching(NamedTuple):
     """Give (q, v, z, r, p) -> the modes, and what acts continuously: forces, rates, wrenches.
 
-    what: as a refusal names it
+    what: as a refusal names it; beside: how far from a switch both sides are looked at, relative to
+    the step; share: change that is a jump, relative to the size
     """
 
     modes: int
     kernel: Kernel
     what: str = "what acts"
+    beside: float = 0.0
+    share: float = JUMP
 
 
 def switching(system: System, chart: CompiledChart, cost: int | None) -> Switching | None:
@@ -63,7 +70,7 @@ def touching(system: System, chart: CompiledChart) -> Switching | None:
         return None
     key = f"{system.acting.key} touching"
     kernel = chart.compiled(key, lambda _: pressing(system.joined(chart)))
-    return Switching(kernel.outputs[0][1], kernel, "the force of a contact")
+    return Switching(kernel.outputs[0][1], kernel, "the force of a contact", BESIDE, LEAP)
 
 
 def edged(mechanism: Mechanism) -> bool:
@@ -73,13 +80,15 @@ def edged(mechanism: Mechanism) -> bool:
 
 
 def pressing(joined: Joined) -> ca.Function:
-    """Return (q, v, z, r, p) -> modes, and the forces of contacts."""
-    told = joined.contacts()
-    given = told.sx_in()
-    found = ca.densify(ca.vertcat(ca.SX(0, 1), *modes(told, given, ca.SX(0, 1))))
-    return ca.Function(
-        "touching", given, [found, told(*given)[0]], [*joined.inputs], ["modes", "acts"]
-    )
+    """Return (q, v, z, r, p) -> modes, and the forces of contacts; beside them a force that counts,
+    of the weight and of an acceleration of the own length per s^2: where parts begin to press, the
+    forces of two neighbouring states are as different as rounding makes them."""
+    told, equations, given = joined.contacts(), joined.equations, [*joined.inputs.values()]
+    mass = sum((SX(body.mass) for body in equations.mechanism.bodies.values()), SX(0))
+    size = mass * (ca.norm_2(equations.gravity) + equations.tree.length)
+    found = ca.densify(ca.vertcat(SX(0, 1), *modes(told, given, SX(0, 1))))
+    acts = ca.vertcat(told(*given)[0], size)
+    return ca.Function("touching", given, [found, acts], [*joined.inputs], ["modes", "acts"])
 
 
 @lru_cache(maxsize=256)
@@ -169,9 +178,12 @@ def jump(own: Switching, start: np.ndarray, end: np.ndarray, p: np.ndarray) -> f
             middle = (low + high) / 2
             same = (at(middle)[:modes] == here[:modes]).all()
             low, high = (middle, high) if same else (low, middle)
-        before, behind = at(low)[modes:], at(high)[modes:]
+        before, behind = (
+            at(max(low - own.beside, 0.0))[modes:],
+            at(min(high + own.beside, 1.0))[modes:],
+        )
         sizes = np.maximum.reduce([sizes, np.abs(before), np.abs(behind)])
-        if jumping(before, behind, sizes, JUMP, NOISE).any():
+        if jumping(before, behind, sizes, own.share, NOISE).any():
             return high
         place, here = high, at(high)
     return place
