@@ -266,8 +266,8 @@ def test_a_table_that_stands_on_stiff_feet_has_modes_about_its_equilibrium():
     along = 4 * 1.5 * k * depth**0.5  # along z; about x and y it has the arms of the feet
     lifted = m * g * 0.1  # the mass centre above the middles of the feet
     squares = [along / m]
-    for arm, moment in ((0.2, 0.1), (0.3, 0.12)):
-        squares.append((along * arm**2 - lifted) / moment)
+    for half, moment in ((0.2, 0.1), (0.3, 0.12)):
+        squares.append((along * half**2 - lifted) / moment)
     modes = natural_modes(robot, found.state)
     np.testing.assert_allclose(modes.frequencies[:3], 0, atol=1e-4)
     expected = np.sqrt(np.sort(squares)) / (2 * np.pi)

@@ -114,7 +114,8 @@ class Breaks:
             moved = off * (1 + 2 * of_time / of_state)
             return Aside(ends=off, begins=-off, moved=moved, earlier=earlier)
 
-        return self.beyond(row, (STIFFLY_OFF if rows.stiff else OFF_KINKS) * step, of)
+        off = (STIFFLY_OFF if rows.stiff else OFF_KINKS) * step
+        return self.beyond(row, off + rows.late(row), of)
 
     def near(self, row: int, after: int) -> Aside:
         """Return how far off a jump steps end and begin; after: the row that a step near it ends
