@@ -219,3 +219,28 @@ def test_a_floating_body_is_read_between_the_joints_frames():
     positions, rates, accelerations = errors(robot, robot.to_mujoco(), *drawn(robot))
     assert positions < 1e-12 and rates < 1e-12
     assert accelerations < ROUNDING
+
+
+def test_motors_behind_springs_are_rotors_without_mass_of_their_own():
+    """A robot with an elastic joint was refused, with the advice to give mass to a body that the
+    description does not have."""
+    link = lw.Body(
+        mass=0.8, centre_of_mass=(0.1, 0, 0.05), inertia=Inertia(xx=3e-3, yy=4e-3, zz=5e-3)
+    )
+    elastic = lw.mechanism.elastic.Elastic(stiffness=60.0, damping=0.1, motor_inertia=0.02)
+    hip = lw.RevoluteJoint(connects=("base", "thigh"), axis=(0, 1, 0), elastic=elastic)
+    knee = lw.RevoluteJoint(
+        connects=("thigh", "shank"),
+        frames=(Frame(position=(0, 0, -0.3)), Frame()),
+        axis=(1, 0, 0),
+    )
+    robot = lw.Robot(
+        Mechanism(
+            bodies={"base": link, "thigh": link, "shank": link},
+            joints={"free": FreeJoint(connects=("ground", "base")), "hip": hip, "knee": knee},
+            actuators=("hip", "knee"),
+        )
+    )
+    live = robot.to_mujoco()
+    assert any("hip rotor: moves without mass" in note for note in live.notes)
+    assert max(errors(robot, live, *drawn(robot))) < 1e-7

@@ -3,6 +3,8 @@ pass zero: closed solutions of a cart of 2 kg."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -192,3 +194,93 @@ def test_losses_of_runs_that_stop_early_are_refused():
     robot = lw.Robot("prr3")
     with pytest.raises(LinkworkError, match=r"loss of 5 s has neither .* The run stopped at t = "):
         robot.gradient(lambda t, s: s["slide_1"], robot.home, [30.0, 0, 0], duration=5, max_steps=9)
+
+
+@pytest.mark.parametrize("surface", [lw.Points(points=((0, 0, 0),)), lw.Sphere(radius=0.05)])
+def test_the_force_of_a_contact_that_leaps_at_the_edge_of_a_field_asks_for_an_event(surface):
+    """Derivatives were 5 % off, without a word; with it they are those of differences."""
+    slope = lw.HeightField(
+        heights=((0, 0), (0.1, 0.1)), spacing=(1, 1), frame=lw.Frame(position=(0, -0.5, 0))
+    )
+    upright = lw.Frame(rotation=(np.pi / 2, 0, 0))
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"ball": lw.Body(mass=1.0, inertia=lw.Inertia(xx=0.01, yy=0.01, zz=0.01))},
+            joints={"p": lw.PlanarJoint(connects=("ground", "ball"), frames=(upright, upright))},
+            contacts={
+                "c": lw.Contact(
+                    connects=("ground", "ball"),
+                    surfaces=(slope, surface),
+                    stiffness=1e3,
+                    exponent=1,
+                )
+            },
+        )
+    )
+    start = robot.state([0.8, 0.07 + getattr(surface, "radius", 0), 0]).with_rates([2.0, 0.2, 0])
+    told: Any = {"duration": 0.15, "rtol": 1e-12, "atol": 1e-13}
+    events = [Event(lambda t, state: state["p.x"] - 1.0, cuts=True)]
+
+    def loss(t, state):
+        return state["p.x"] + 3 * state.rate("p.x") + 2 * state.rate("p.y")
+
+    def value(rates):
+        run = robot.simulate(start.with_rates(rates), events=events, **told)
+        return float(loss(0.15, robot.observe(run.final)))
+
+    with pytest.raises(LinkworkError, match=r"force of a contact jumps at t = 0\.10.* watch for"):
+        robot.gradient(loss, start, **told)
+    found = robot.gradient(loss, start, events=events, **told)["rates"]
+    for i, aside in enumerate(1e-4 * np.eye(3)[:2]):
+        difference = (value(start.rates + aside) - value(start.rates - aside)) / 2e-4
+        assert found[i] == pytest.approx(difference, rel=2e-6)
+
+
+def on_a_block(upper, **more) -> lw.Robot:
+    """Return a body that falls by some millimetres on a block."""
+    lower = lw.Box(size=(1.0, 1.0, 0.2))
+    contact = lw.Contact(
+        connects=("ground", "body"), surfaces=(lower, upper), stiffness=2e4, dissipation=0.4, **more
+    )
+    return lw.Robot(
+        lw.Mechanism(
+            bodies={"body": lw.Body(mass=0.5, inertia=lw.Inertia(xx=2e-3, yy=3e-3, zz=4e-3))},
+            joints={"f": lw.FreeJoint(connects=("ground", "body"))},
+            contacts={"c": contact},
+            reference={"f.z": 0.135},
+        )
+    )
+
+
+def fallen(robot, rates, **own):
+    """Return the derivative of a number of the end by the rate along x, and its difference."""
+
+    def loss(t, state):
+        return state["f.x"] + 3 * state.rate("f.z") + 0.3 * state.rate("f.wx")
+
+    def value(aside):
+        start = robot.home.with_rates(np.add(rates, [aside, 0, 0, 0, 0, 0]))
+        run = robot.simulate(start, duration=0.12, **own)
+        return float(loss(0.12, robot.observe(run.final)))
+
+    found = robot.gradient(loss, robot.home.with_rates(rates), duration=0.12, **own)
+    return found["rates.f.x"], (value(1e-5) - value(-1e-5)) / 2e-5
+
+
+def test_contacts_that_are_rounded_off_or_begin_within_rounding_do_not_leap():
+    """Where the middle of a ball passes a face the gap is rounded off within 1e-15 m, and what
+    presses at first is as small as rounding."""
+    feet = lw.Points(
+        points=tuple((x, y, -0.03) for x in (0.05, -0.05) for y in (0.04, -0.04)), radius=0.005
+    )
+    for surface in (feet, lw.Capsule(radius=0.03, length=0.1), lw.Box(size=(0.1, 0.08, 0.06))):
+        robot = on_a_block(surface, friction=lw.Sliding(coefficient=0.4, rate=1e-2))
+        found, difference = fallen(robot, [0.3, 0.1, 0, 0.8, 1.0, 0.5], rtol=1e-10, atol=1e-12)
+        assert found == pytest.approx(difference, rel=1e-3, abs=1e-3)
+
+
+def test_edges_of_boxes_whose_forces_leap_are_refused():
+    """Derivatives were 10 % off."""
+    robot = on_a_block(lw.Box(size=(0.1, 0.08, 0.06)), edges=True)
+    with pytest.raises(LinkworkError, match=r"the force of a contact jumps at t = 0\.0"):
+        fallen(robot, [0.3, 0.1, 0, 0.8, 1.0, 0.5])

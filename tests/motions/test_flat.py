@@ -181,3 +181,11 @@ def test_derivatives_that_do_not_fit_are_refused():
             motions.flat(robot, times, ["shoulder", "elbow"], *[np.zeros((5, 2))] * 5)
     with pytest.raises(lw.LinkworkError, match="no actuator of slide_1"):
         motions.flat(lw.Robot("prr3"), t, ["slide_1"], *[np.zeros((5, 1))] * 5)
+
+
+def test_the_fastest_law_of_links_behind_springs_is_refused():
+    """It advised a path of polynomials, which this is."""
+    ends = {"shoulder": 0.0, "elbow": 0.5}, {"shoulder": 0.5, "elbow": 1.0}
+    path = motions.point_to_point(*ends, motions.AxisLimits(speed=1.0), law="septic")
+    with pytest.raises(lw.LinkworkError, match=r"torques without bound; .* design.optimal_motion"):
+        motions.fastest(lw.Robot(arm()), path, motions.ActuatorLimits(force=30.0))

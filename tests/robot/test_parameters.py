@@ -249,6 +249,39 @@ def test_static_friction_and_ratios_of_sums_may_be_free(path):
     np.testing.assert_allclose(found, expected, rtol=1e-13)
 
 
+@pytest.mark.parametrize("label", ["rope", "car"])
+def test_ratios_of_a_gear_that_holds_a_cable_may_be_free(label):
+    """A car drags a weight by a rope over a sphere, ratio rope + r car = 0.5: a run ended in a
+    traceback, in any robot with a cable and a free ratio."""
+    over = lw.mechanism.OverSphere(
+        body="ground", frame=lw.Frame(position=(0.3, 0.2, 0)), radius=0.05
+    )
+    ends = [
+        lw.mechanism.ViaPoint(body="ground", point=(0, 0.3, 0)),
+        lw.mechanism.ViaPoint(body="weight", point=(0.5, 0, 0)),
+    ]
+    disc = lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.1))
+    robot = lw.Robot(
+        lw.Mechanism(
+            bodies={"weight": disc, "car": disc},
+            joints={
+                "weight": lw.PrismaticJoint(connects=("ground", "weight"), axis=(1, 0, 0)),
+                "car": lw.PrismaticJoint(connects=("ground", "car"), axis=(0, 1, 0)),
+                "tie": lw.GearJoint(ratios={"rope": 1, "car": -0.5}, offset=0.5),
+            },
+            transmissions={"rope": lw.mechanism.Cable(path=(ends[0], over, ends[1]))},
+            gravity=(1, 0, 0),
+        )
+    )
+    freed = robot.free(f"joints.tie.ratios.{label}")
+    run, plain = (each.simulate(each.home, duration=0.3) for each in (freed, robot))
+    assert run.final.positions == pytest.approx(plain.final.positions, rel=1e-9)
+    other = freed.with_parameters({f"joints.tie.ratios.{label}": 1.2})
+    rope, car = (1.2, -0.5) if label == "rope" else (1, 1.2)
+    end = other.simulate(other.home, duration=0.3).final
+    assert rope * other.observe(end)["rope"] + car * end.positions[1] == pytest.approx(0.5)
+
+
 def test_freedoms_that_a_joint_says_nothing_of():
     mechanism = random_loops(8, 1, platform="free")
     name = next(

@@ -342,3 +342,55 @@ def test_explicit_methods_that_nothing_stiff_stops_say_so_as_before():
     robot = slide(k)
     run = robot.simulate(robot.state([0.3]), duration=10.0, method="dormand_prince", max_steps=5)
     assert "stiff there" not in run.message and "allow more, loosen rtol" in run.message
+
+
+def landed(speed, stiffness, damping, duration):
+    """Return (x', z', w) of a ball of 0.4 kg that falls by 0.2 m while it moves on with a speed, by
+    SciPy: free flight, and then the law of its contact with a bristle."""
+    m, moment, R, k, c, mu = 0.4, 1.6e-3, 0.1, 1e6, 0.5, 0.2
+
+    def slopes(t, y):
+        z, vx, vz, w, b = y
+        d = max(R - z, 0.0)
+        arm, N = R - d / 2, k * d**1.5 * max(1 - c * vz, 0.0)
+        u = vx - arm * w
+        bending = u - abs(u) * b / mu
+        f = -N * (b + damping * bending)
+        rate = stiffness * bending if z <= R else -stiffness / damping * b
+        return [vz, f / m, N / m - 9.81, -arm * f / moment, rate]
+
+    fall = np.sqrt(0.4 / 9.81)
+    start = [R, speed, -9.81 * fall, 0.0, 0.0]
+    found = solve_ivp(slopes, (fall, duration), start, "Radau", rtol=1e-9, atol=1e-11)
+    return found.y[1:4, -1]
+
+
+def test_bristles_of_parts_that_meet_fast_bend_from_then_on():
+    """Runs stopped at the impact with "the motion breaks off here": no step into it was short
+    enough for the rate at which bristles bend."""
+    friction = lw.Sliding(coefficient=0.2, bristle=lw.Bristle(stiffness=1e6, damping=100.0))
+    floor = lw.Contact(
+        connects=("ground", "ball"),
+        surfaces=(lw.Plane(), lw.Sphere(radius=0.1)),
+        stiffness=1e6,
+        dissipation=0.5,
+        friction=friction,
+    )
+    ball = lw.Body(mass=0.4, inertia=lw.Inertia(xx=1.6e-3, yy=1.6e-3, zz=1.6e-3))
+    free = lw.FreeJoint(connects=("ground", "ball"))
+    robot = lw.Robot(
+        lw.Mechanism(bodies={"ball": ball}, joints={"free": free}, contacts={"floor": floor})
+    )
+    rates = np.zeros((2, 6))
+    rates[:, 0] = 2.0, 10.56
+    starts = robot.state(np.tile([0, 0, 0.3, 1.0, 0, 0, 0], (2, 1))).with_rates(rates)
+    members = robot.ensemble(starts, duration=0.22)
+    for i, speed in enumerate(rates[:, 0]):
+        run, stiff = (
+            robot.simulate(starts.at(i), duration=0.22, method=method) for method in (None, "rodas")
+        )
+        assert run.success and stiff.success
+        np.testing.assert_array_equal(members.final.rates[i], run.final.rates)
+        for found in (run, stiff):
+            ends = landed(speed, 1e6, 100.0, 0.22)
+            np.testing.assert_allclose(found.final.rates[[0, 2, 4]], ends, rtol=2e-6)

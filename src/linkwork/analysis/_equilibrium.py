@@ -117,16 +117,21 @@ def balanced(
         known: independent rates of charts that are derived, which are taken where they are good; to
             be added to.
     """
+    last = np.inf
     for _ in range(ROUNDS):
         with checks.at("on the way to an equilibrium: "):
             state = in_good_rates(robot, state, known)
             force, K = unbalanced(robot, state, u)
             units = own_rates(robot, state)
             r, K_own = force * units, K * units * units[:, None]
-            E = scale(robot, state, u, K_own)
-            if largest(r) <= BALANCED * E and (not stable or settled(K_own, E)):
+            held = scale(robot, state, u)
+            E = max(held, largest(K_own))
+            # Beside stiff contacts the forces are balanced only by a step more.
+            steady = largest(r) <= BALANCED * E and (not stable or settled(K_own, E))
+            if steady and (largest(r) <= BALANCED * held or not largest(r) < last / 2):
                 kinds = positive(K_own), indifferent(K_own, E)
                 return Equilibrium(state, u, K, largest(force), *kinds)
+            last = largest(r)
             state = moved(robot, state, u, step(r, K_own, E, stable) * units, E, stable)
     worst = int(np.argmax(np.abs(r)))
     other = "choose another guess, or other forces"
@@ -226,14 +231,13 @@ def unbalanced(robot: Robot, state: State, u: np.ndarray) -> tuple[np.ndarray, n
     return values["force"][:, 0], values["K"]
 
 
-def scale(robot: Robot, state: State, u: np.ndarray, K: np.ndarray) -> float:
-    """Return the size [J] of what balances each other in the mechanism's own units, K: the
-    stiffness in these [J]."""
+def scale(robot: Robot, state: State, u: np.ndarray) -> float:
+    """Return the size [J] of what balances each other in the mechanism's own units."""
     units = own_rates(robot, state)
     driven = u * [
         robot.equations.tree.length if robot.unit(name) == "m" else 1.0 for name in robot.actuators
     ]
-    parts = (robot.gravity(state) * units, robot.passive_forces(state) * units, driven, K)
+    parts = (robot.gravity(state) * units, robot.passive_forces(state) * units, driven)
     return max(weight(robot), *map(largest, parts))
 
 
@@ -248,7 +252,8 @@ def step(r: np.ndarray, K: np.ndarray, E: float, downhill: bool) -> np.ndarray:
         return np.linalg.lstsq(K, r, rcond=1e-12)[0]
     values, vectors = np.linalg.eigh((K + K.T) / 2)
     along = vectors.T @ r
-    flat = 1e-6 * E
+    flat, level = 1e-6 * E, np.abs(values) <= 1e-9 * np.abs(values).max(initial=E)
+    along = np.where(level & (np.abs(along) <= BALANCED * E), 0.0, along)
     summit = (values < -1e-9 * np.abs(values).max(initial=0.0)) & (np.abs(along) < flat)
     along = np.where(summit, np.abs(values) * LONGEST, along)  # at the top of a hill: leave it
     steepness = np.maximum(np.abs(values), np.abs(along) / LONGEST)

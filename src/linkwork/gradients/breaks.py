@@ -16,7 +16,7 @@ import numpy as np
 from linkwork.gradients.instants import at_instants, values
 from linkwork.gradients.links import Passing
 from linkwork.gradients.segment_rows import SegmentRows, leaps
-from linkwork.gradients.switches import Switching, require_no_jumps, switching
+from linkwork.gradients.switches import Switching, require_no_jumps, switching, touching
 
 OFF_JUMPS = 1e-11  # how far off a jump steps end and begin, relative to the step behind
 OFF_KINKS, STIFFLY_OFF = 1e-7, 1e-5
@@ -114,7 +114,8 @@ class Breaks:
             moved = off * (1 + 2 * of_time / of_state)
             return Aside(ends=off, begins=-off, moved=moved, earlier=earlier)
 
-        return self.beyond(row, (STIFFLY_OFF if rows.stiff else OFF_KINKS) * step, of)
+        off = (STIFFLY_OFF if rows.stiff else OFF_KINKS) * step
+        return self.beyond(row, off + rows.late(row), of)
 
     def near(self, row: int, after: int) -> Aside:
         """Return how far off a jump steps end and begin; after: the row that a step near it ends
@@ -242,7 +243,10 @@ class Breaks:
     def require_no_others(self) -> None:
         """Refuse a segment within whose steps what acts jumps: where they begin, where their stages
         look, and where they end, all on the step's own side of what happens at its ends."""
-        if self.branching is None or not self.rows.last:
+        branching = [
+            own for own in (self.branching, touching(self.rows.system, self.rows.chart)) if own
+        ]
+        if not branching or not self.rows.last:
             return
         rows, inputs, ends = self.rows, self.rows.system.inputs, self.own_sides()
         p = rows.system.p(rows.chart)
@@ -259,7 +263,8 @@ class Breaks:
         slopes = np.concatenate(at_instants(motion, edges, p), axis=2)[:, :, : ends.y.shape[2]]
         y = cubic(ends.t[:, :, None, None], ends.y[:, :, None], slopes[:, :, None], t[:, :, None])
         fixed = not rows.plans[0].exponent
-        require_no_jumps(self.branching, p, t, np.concatenate([y, u], axis=2), fixed)
+        for own in branching:
+            require_no_jumps(own, p, t, np.concatenate([y, u], axis=2), fixed)
 
     def own_sides(self) -> StepEnds:
         """Return where all steps begin and end, those at events on their own side of these."""

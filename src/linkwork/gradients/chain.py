@@ -149,7 +149,7 @@ class SegmentLinks:
         """Return the event that ends the run, where samples are taken."""
         rows, row = self.rows, self.rows.last
         state = rows.state(row, rows.held[max(row - 1, 0)], from_left=True)
-        slope = rows.beside(state, -ASIDE * rows.t[row])
+        slope, _ = rows.beside(state, -ASIDE * rows.t[row])
         moment = rows.whole.moment(rows.chart, state, rows.ended_by, slope[:-1])
         return Passing(moment, slope[:-1], float(slope[-1]), numbers)
 

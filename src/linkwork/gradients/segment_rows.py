@@ -16,11 +16,13 @@ from linkwork.runs.passage import Segment
 from linkwork.runs.system import System
 from linkwork.simulation.fixed_steps import SymplecticEuler
 from linkwork.simulation.methods import METHODS
+from linkwork.simulation.native_occurrences import FAINT
 from linkwork.simulation.native_parts import ROUNDING
 from linkwork.simulation.rosenbrock import RODAS
 from linkwork.simulation.tableaus import StepPlan
 
 CLOSE = 2.0**-38  # how near to an event a step ends at it, relative to the time and to the step
+PASSED = 2 * FAINT  # part of a step, near its start, in which parts that meet may be passed
 ASIDE = 1e-9  # how far from an event both sides of it are looked at, relative to the time
 SMOOTH, NOISE = 1e-6, 1e-10
 """Jump of a number of y' at an event that is none, relative to that number and to the largest."""
@@ -148,7 +150,8 @@ class SegmentRows:
         for time, event in zip(events.times, events.index, strict=True):
             row = int(np.abs(self.t - time).argmin())
             size = max(self.t[row], self.t[row] - self.t[row - 1])
-            if not (self.system.events[event].cuts and abs(self.t[row] - time) <= CLOSE * size):
+            ended = abs(self.t[row] - time) <= CLOSE * size or self.late(row) > 0
+            if not (self.system.events[event].cuts and ended):
                 continue
             if not self.plans[0].exponent and self.jumps_in_time(row, int(event)):
                 continue
@@ -156,6 +159,19 @@ class SegmentRows:
             if not leaps or (row not in found and not self.whole.jump_at(self.t[row])):
                 found[row] = int(event)
         return found
+
+    def late(self, row: int) -> float:
+        """Return how long after a row parts begin or cease to press that a step ended short of, and
+        the next one passed near its start [s]; 0 if none do."""
+        if row == self.last:
+            return 0.0
+        events, step = self.segment.trajectory.events, self.t[row + 1] - self.t[row]
+        after = [
+            time - self.t[row]
+            for time, event in zip(events.times, events.index, strict=True)
+            if self.system.events[event].meets and 0 < time - self.t[row] <= PASSED * step
+        ]
+        return max(after, default=0.0)
 
     def jumps_in_time(self, row: int, event: int) -> bool:
         """Tell whether y' jumps at an event that does not change with the state."""
@@ -165,9 +181,14 @@ class SegmentRows:
         return of_state == 0 and leaps(before[:-1], behind[:-1])
 
     def sides(self, row: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return y' and the cost on both sides of an event."""
+        """Return y' and the cost on both sides of an event; alike where they differ by no more than
+        at a kink that the step has not quite come to."""
         state, size = self.state(row, self.held[row - 1], from_left=True), self.t[row]
-        return self.beside(state, -ASIDE * size), self.beside(state, ASIDE * size)
+        before, earlier = self.beside(state, -ASIDE * size)
+        behind, later = self.beside(state, ASIDE * size)
+        off = max(CLOSE, self.late(row) / size) / ASIDE
+        seeming = 2 * off * (np.abs(earlier) + np.abs(later))
+        return before, np.where(np.abs(behind - before) <= seeming, before, behind)
 
     def leaps(self, row: int, event: int) -> bool:
         """Tell whether an event function leaps over zero at a row."""
@@ -183,9 +204,9 @@ class SegmentRows:
             found[-1] = self.system.kernel(self.chart, "events").flat(y, u, p)[cost]
         return found
 
-    def beside(self, state: Sampling, aside: float) -> np.ndarray:
+    def beside(self, state: Sampling, aside: float) -> tuple[np.ndarray, np.ndarray]:
         """Return y' and the cost at an event from one side, by two instants along the motion
-        there."""
+        there, and how they change between these."""
         (y,), (u,) = state.y, state.u
         along, signals = self.slope(y, u)[:-1], self.system.inputs
         times = state.t + aside * np.array([1.0, 2.0])
@@ -195,12 +216,12 @@ class SegmentRows:
             self.slope(y + d * along, np.concatenate([r, held]))
             for d, r in zip(times - state.t, inputs, strict=True)
         )
-        return 2 * near - far
+        return 2 * near - far, far - near
 
     def slope_before(self, row: int) -> np.ndarray:
         """Return y' before what happens at a row."""
         state = self.state(row, self.held[row - 1], from_left=True)
-        return self.beside(state, -ASIDE * self.t[row])[:-1]
+        return self.beside(state, -ASIDE * self.t[row])[0][:-1]
 
 
 def leaps(before: np.ndarray, behind: np.ndarray) -> bool:

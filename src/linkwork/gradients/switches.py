@@ -1,4 +1,4 @@
-"""Switches: where what acts on a run branches, and whether it jumps there.
+"""Switches: where what acts on a run branches, contacts included, and whether it jumps there.
 
 What is traced branches by comparisons, and by what rounds numbers: `linkwork.math.where`, `sign`,
 `floor`. Their values are the modes of what acts. Where the modes change within a step, the change
@@ -16,9 +16,11 @@ import numpy as np
 
 from linkwork.control.acting import Acting
 from linkwork.control.joined import Joined
+from linkwork.equations.algebra import SX
 from linkwork.errors import LinkworkError
 from linkwork.gradients.instants import at_instants
 from linkwork.kernels import Kernel
+from linkwork.mechanism import Mechanism, Plane
 from linkwork.model.charts import CompiledChart
 from linkwork.runs.system import System
 
@@ -29,15 +31,25 @@ STEPPING = {
 """Operations that step."""
 JUMP, NOISE = 1e-6, 1e-12
 """Change of a number of what acts that is a jump, relative to its size near by and the largest."""
+BESIDE, LEAP = 2.0**-20, 1e-4
+"""Of contacts, whose corners are rounded off within rounding: how far from a switch both sides are
+looked at, relative to the step, and the change that is a jump."""
 NEAR = 2.0**-40  # width of the way in which a change is found, relative to the step
 MOST = 16  # changes within a step that are looked at
 
 
 class Switching(NamedTuple):
-    """Give (q, v, z, r, p) -> the modes, and what acts continuously: forces, rates, wrenches."""
+    """Give (q, v, z, r, p) -> the modes, and what acts continuously: forces, rates, wrenches.
+
+    what: as a refusal names it; beside: how far from a switch both sides are looked at, relative to
+    the step; share: change that is a jump, relative to the size
+    """
 
     modes: int
     kernel: Kernel
+    what: str = "what acts"
+    beside: float = 0.0
+    share: float = JUMP
 
 
 def switching(system: System, chart: CompiledChart, cost: int | None) -> Switching | None:
@@ -49,6 +61,34 @@ def switching(system: System, chart: CompiledChart, cost: int | None) -> Switchi
     joined, key = system.joined(chart), system.acting.key
     kernel = chart.compiled(f"{key} switches {cost}", lambda _: function(joined, cost))
     return Switching(kernel.outputs[0][1], kernel)
+
+
+def touching(system: System, chart: CompiledChart) -> Switching | None:
+    """Return how the forces of contacts branch in a chart; None where no normal leaps: it does over
+    the edge of a field, the rim of a box, between capsules that turn past each other."""
+    if system.acting is None or not edged(system.joined(chart).equations.mechanism):
+        return None
+    key = f"{system.acting.key} touching"
+    kernel = chart.compiled(key, lambda _: pressing(system.joined(chart)))
+    return Switching(kernel.outputs[0][1], kernel, "the force of a contact", BESIDE, LEAP)
+
+
+def edged(mechanism: Mechanism) -> bool:
+    """Tell whether surfaces meet of which none is a plane."""
+    contacts = mechanism.contacts.values()
+    return any(not any(isinstance(of, Plane) for of in each.surfaces) for each in contacts)
+
+
+def pressing(joined: Joined) -> ca.Function:
+    """Return (q, v, z, r, p) -> modes, and the forces of contacts; beside them a force that counts,
+    of the weight and of an acceleration of the own length per s^2: where parts begin to press, the
+    forces of two neighbouring states are as different as rounding makes them."""
+    told, equations, given = joined.contacts(), joined.equations, [*joined.inputs.values()]
+    mass = sum((SX(body.mass) for body in equations.mechanism.bodies.values()), SX(0))
+    size = mass * (ca.norm_2(equations.gravity) + equations.tree.length)
+    found = ca.densify(ca.vertcat(SX(0, 1), *modes(told, given, SX(0, 1))))
+    acts = ca.vertcat(told(*given)[0], size)
+    return ca.Function("touching", given, [found, acts], [*joined.inputs], ["modes", "acts"])
 
 
 @lru_cache(maxsize=256)
@@ -100,7 +140,7 @@ def modes(of: ca.Function, given: list[ca.SX], of_time: ca.SX) -> list[ca.SX]:
 def require_no_jumps(
     own: Switching, p: np.ndarray, t: np.ndarray, x: np.ndarray, fixed: bool
 ) -> None:
-    """Refuse steps within which what acts jumps.
+    """Refuse steps within which what branches jumps.
 
     Args:
         p: parameters; t, x: times (K, M) and (y, r) at M places of each step (K, M, n + nr), from
@@ -114,7 +154,7 @@ def require_no_jumps(
         if at is not None:
             cure = "take a method that chooses its steps, and " if fixed else ""
             raise LinkworkError(
-                f"what acts jumps at t = {t[i, k] + at * (t[i, k + 1] - t[i, k]):.6g} s, where no "
+                f"{own.what} jumps at t = {t[i, k] + at * (t[i, k + 1] - t[i, k]):.6g} s, where no "
                 f"step ends, so that derivatives would lack the jump; {cure}watch for the switch "
                 "by an event that ends steps, Event(function, cuts=True)"
             )
@@ -138,9 +178,12 @@ def jump(own: Switching, start: np.ndarray, end: np.ndarray, p: np.ndarray) -> f
             middle = (low + high) / 2
             same = (at(middle)[:modes] == here[:modes]).all()
             low, high = (middle, high) if same else (low, middle)
-        before, behind = at(low)[modes:], at(high)[modes:]
+        before, behind = (
+            at(max(low - own.beside, 0.0))[modes:],
+            at(min(high + own.beside, 1.0))[modes:],
+        )
         sizes = np.maximum.reduce([sizes, np.abs(before), np.abs(behind)])
-        if jumping(before, behind, sizes, JUMP, NOISE).any():
+        if jumping(before, behind, sizes, own.share, NOISE).any():
             return high
         place, here = high, at(high)
     return place

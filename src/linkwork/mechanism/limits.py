@@ -88,7 +88,12 @@ def at_surfaces(mechanism: Mechanism) -> dict[str, AtSurface]:
     """Return what may happen to cables at surfaces by name: "pull leaps at the sphere of arm
     (path.1)"."""
     found: dict[str, AtSurface] = {}
-    held = {label for gear in mechanism.gears.values() for label in gear.coupled}
+    held = {
+        label
+        for gear in mechanism.gears.values()
+        for label in gear.ratios
+        if any(map(acts, gear.polynomial(label)))
+    }
     for name, line in mechanism.transmissions.items():
         if not isinstance(line, Cable):
             continue

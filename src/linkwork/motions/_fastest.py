@@ -25,6 +25,7 @@ from linkwork.errors import LinkworkError
 from linkwork.mechanism.bearing import require_no_bearings
 from linkwork.mechanism.limits import speed_limited
 from linkwork.model.state import State
+from linkwork.motions._flat import leads_links
 from linkwork.motions._follow import follow, require_vectors
 from linkwork.motions.driven_way import BETWEEN, CORNER, DrivenWay, refuse_leap, refuse_passing
 from linkwork.motions.even_rates import evened
@@ -144,7 +145,7 @@ def fastest(
         LinkworkError: a path with corners, one that rests between its ends, or, where the jerk is
             limited, whose curvature leaps; a place on it that the actuators cannot keep, by its s;
             a path on which nothing limits the speed; actuators that do not drive all freedoms;
-            joints with bearings.
+            joints with bearings; paths of links that motors drive through springs.
 
     Warns:
         ModelWarning: driven cables that push, for limits hold in both directions.
@@ -183,6 +184,12 @@ def least_time(
     if timed.corners:
         raise LinkworkError(
             f"the path has a corner at s = {timed.corners[0]:.4g}; give its smooth parts one by one"
+        )
+    if leads_links(robot, timed.names):
+        raise LinkworkError(
+            "under the law of the least time accelerations or jerks leap, for which the motors of "
+            "elastic joints take torques without bound; find it for the robot with rigid joints, "
+            "or the motion from state to state by design.optimal_motion"
         )
     require_vectors(robot, timed, None)
     own = limits.of_robot(robot)

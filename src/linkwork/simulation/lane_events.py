@@ -51,7 +51,7 @@ from linkwork.simulation.lane_tables import (
     room,
 )
 from linkwork.simulation.native_between import resized
-from linkwork.simulation.native_events import LOOKS, MOST
+from linkwork.simulation.native_events import LOOKS, MOST, TINY
 from linkwork.simulation.native_loop import SMALLEST_STEP
 from linkwork.simulation.native_memory import INTEGRATION, furnish, integration_at, memory_for
 from linkwork.simulation.native_parts import (
@@ -284,7 +284,7 @@ def take_occasions(occasions, alone, method, signals, closure_tol, found, tables
     watch(occasions, method, signals, tables, places)
     for lane in range(LANES):
         tally[HALTED, lane] = 0
-        if now[ACCEPTS, lane] > 0 and now[WANTED, lane] > 0:
+        if wanted(lane, now, tally):
             if alone.row + MOST * places.count > found.shape[0]:
                 found = resized(found, 2 * (alone.row + MOST * places.count))
                 alone.rows = pointer(found)
@@ -293,6 +293,22 @@ def take_occasions(occasions, alone, method, signals, closure_tol, found, tables
             call(alone.kernels.search, memory_of(alone), alone.room.sample)
             keep_step(alone, lane, first, tables, places)
     return found
+
+
+@njit(**INLINED)
+def wanted(lane, now, tally):
+    """Tell whether the events within the step of a lane are to be found: of one that is accepted,
+    or too short to be refused once more."""
+    near, fails = now[WANTED, lane] > 0, tally[AILMENT, lane] != OK
+    if now[ACCEPTS, lane] > 0 or fails or not near:
+        return near and now[ACCEPTS, lane] > 0
+    return now[LIVE, lane] > 0 and now[STEP, lane] < TINY * shortest(lane, now)
+
+
+@njit(**INLINED)
+def shortest(lane, now):
+    """Return the shortest step of the member in a lane."""
+    return SMALLEST_STEP * max(now[STOP, lane], now[STOP, lane] - now[START, lane])
 
 
 @njit(**OPTIONS)
@@ -316,7 +332,7 @@ def set_step(alone, lane, signals, closure_tol, tables, places):
     alone.pending, alone.evaluations = method.stages - known, 0
     alone.ailment, alone.least, alone.halted, alone.ends = OK, 0.0, 0, LOOKS
     alone.target = now[TARGET, lane]
-    alone.shortest = SMALLEST_STEP * max(now[STOP, lane], now[STOP, lane] - now[START, lane])
+    alone.shortest = shortest(lane, now)
 
 
 @njit(**OPTIONS)
@@ -334,6 +350,7 @@ def keep_step(alone, lane, first, tables, places):
             now[REJECTED_PIVOT, lane] = now[LOWEST, lane]
             now[REJECTED_RESIDUAL, lane] = alone.residual
         return
+    now[ACCEPTS, lane], now[ERROR, lane], now[TARGET, lane] = 1.0, alone.error, alone.target
     for row in range(first, alone.row):
         alone.rows[(row + 1) * alone.columns - 1] = tally[MEMBER, lane]
     for i in range(scene.count):

@@ -19,6 +19,7 @@ ROOT_CALLS = 100
 LOOKS = 8
 MOST = 2 * LOOKS  # intervals of a step at most
 TRIES = 12  # to find where a function comes nearest to zero
+TINY = 8.0  # of the shortest step of a run: a shorter one may be refused once more, and no more
 SAME = 1e-6  # distance of places, relative to the bracket, below which another one is tried
 NEVER = 2.0  # theta of an event that does not happen within the step
 

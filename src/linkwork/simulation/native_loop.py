@@ -25,7 +25,7 @@ from numba.core.dispatcher import Dispatcher
 
 from linkwork.simulation.compiled import INLINED, OPTIONS
 from linkwork.simulation.native_between import ROUNDING, Schedule, act, due, resized, set_target
-from linkwork.simulation.native_events import LOOKS, MOST
+from linkwork.simulation.native_events import LOOKS, MOST, TINY
 from linkwork.simulation.native_memory import RunCourse, furnish, integration_at, memory_for
 from linkwork.simulation.native_occurrences import take_samples
 from linkwork.simulation.native_pace import (
@@ -325,7 +325,8 @@ def examine(run):
     adapts = run.method.exponent != 0
     if passes(run) and adapts and (unsure(run) or free_until(run.watch, run.bend) < run.arrival):
         look_into(run)
-    if passes(run) and run.kernels.events != 0:
+    tiny = run.ailment == OK and run.step < TINY * run.shortest
+    if (passes(run) or tiny) and run.kernels.events != 0:
         call(run.kernels.search, memory_of(run), run.room.sample)
     # The samples up to the end of the step, which an event may have brought forward.
     if passes(run):
@@ -347,8 +348,7 @@ def accept(run):
     # are to come.
     if limits.stability > 0:
         run.since = (run.since + 1) % LOOK
-    looks = limits.stability > 0 and (run.votes > 0 or run.since == 0)
-    if looks and not run.halted:
+    if limits.stability > 0 and (run.votes > 0 or run.since == 0) and not run.halted:
         run.votes = max(0, run.votes + (1 if stiffness(run) > limits.stability else -1))
         if run.votes >= VOTES and run.course.stop - run.arrival > LOOK * run.step:
             run.status = STIFF

@@ -12,6 +12,7 @@ from linkwork.simulation.native_events import (
     LOOKS,
     NEVER,
     ROOT,
+    TINY,
     earliest,
     locate,
     look,
@@ -152,6 +153,16 @@ def steps_alone(scene):
     return alone
 
 
+@njit(**INLINED)
+def straddles(run):
+    """Tell whether an event at which steps end lies between the ends of a step."""
+    scene, across = run.scene, False
+    for i in range(scene.count):
+        signs = scene.g[i] < 0, scene.g[LOOKS * scene.count + i] < 0
+        across |= scene.conditions[2 * i + 1] >= CUTS and signs[0] != signs[1]
+    return across
+
+
 @njit(**OPTIONS)
 def take_events(run):
     """Record the events within a step, in the order of their times; where one ends the run, the
@@ -159,11 +170,17 @@ def take_events(run):
 
     A step of fixed length is what it is whether it is watched or not: a weak pivot at its end, and
     accelerations that are undefined there, with what bearings carry, are a matter of the next one.
+    One of which hardly a shorter one can be told from none comes here whatever its error: over an
+    event at which steps end what acts may jump, as bristles of parts that meet, and it is taken.
     """
     room, scene, fixed = run.room, run.scene, run.method.exponent == 0
     watched, g = scene.count, scene.g
     run.halted, run.ends = False, LOOKS
     observe(run, run.arrival, room.new, g + LOOKS * watched)
+    if not fixed and run.step < TINY * run.shortest and straddles(run):
+        run.error, run.target = 0.0, run.arrival  # behind it the slope is evaluated anew
+    if run.error > 1 and not fixed:
+        return
     if quiet(run):
         return
     # The dense output, by which the event functions are looked at.

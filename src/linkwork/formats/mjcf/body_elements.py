@@ -44,6 +44,8 @@ def check(sheet: Sheet) -> None:
         useless = not sheet.mechanism.bodies[seat.body].inertia.tensor().any() and (
             seat.name in tied or seat.name not in inner
         )
+        # A motor behind a spring has no inertia but its rotor's, which is its joint's there.
+        useless = useless and not all(move.effects.rotor for move in seat.moves)
         if seat.name in sheet.plan.light and (useless or not sheet.total):
             raise MechanismError(
                 f"bodies.{seat.body}: moves without mass and inertia, which MuJoCo refuses; "
