@@ -44,6 +44,7 @@ from linkwork.model.linear import (
     own_rates,
     weight,
 )
+from linkwork.model.spread import extent
 from linkwork.patience import announced
 from linkwork.robot import Robot, State
 
@@ -169,21 +170,9 @@ def equilibria(
     """
     needed(robot, Robot)
     u = actuator_forces(robot, forces)
-    names = tuple(name for name in robot.independent if name in robot.coordinates)
-    problem = solver(of_joints(robot, names))
-    random = random_numbers(seed)
-    begun = random_configurations(
-        problem.square, problem.length, count(starts, "starts", MOST), random
-    )
-    places = [robot.coordinates.index(name) for name in names]
-    q, good = problem.solve(begun, robot.kernel("positions")(begun)[0][:, places], NEWTON)
-    # What these joints do not reach is closed the shortest way: arcs on which they hardly turn.
-    left, none = begun[~good], np.zeros((np.count_nonzero(~good), 0))
-    least = robot.least(robot.joints_asked(())).step
-    closed = closing.closed(least, left, (none,), NEWTON, contracting=False)
-    q[~good], good[~good] = closed.q, closed.met & (closed.told[0] >= 0)
+    begun = closed_anywhere(robot, count(starts, "starts", MOST), random_numbers(seed))
     known, found = list[tuple[str, ...]](), list[Equilibrium]()
-    for start in (robot.equations.reference, *q[good]):
+    for start in (robot.equations.reference, *begun):
         for stable in (True, False):
             try:
                 state = robot.make_state(start, np.zeros(robot.mobility))
@@ -200,6 +189,24 @@ def equilibria(
             stacklevel=3,
         )
     return sorted(found, key=lambda one: not one.stable)
+
+
+def closed_anywhere(robot: Robot, starts: int, random: np.random.Generator) -> np.ndarray:
+    """Return closed configurations (N, nq) from random ones, at most so many."""
+    length = extent(robot.mechanism, robot.chart, robot.home.q)
+    begun = random_configurations(robot.equations, length, starts, random)
+    names = tuple(name for name in robot.independent if name in robot.coordinates)
+    q, good = begun.copy(), np.zeros(starts, bool)
+    if len(names) == robot.mobility:  # else free turns are among them, which none asks for
+        places = [robot.coordinates.index(name) for name in names]
+        asked = robot.kernel("positions")(begun)[0][:, places]
+        q, good = solver(of_joints(robot, names)).solve(begun, asked, NEWTON)
+    # What these joints do not reach is closed the shortest way: arcs on which they hardly turn.
+    left, none = begun[~good], np.zeros((np.count_nonzero(~good), 0))
+    least = robot.least(robot.joints_asked(())).step
+    closed = closing.closed(least, left, (none,), NEWTON, contracting=False)
+    q[~good], good[~good] = closed.q, closed.met & (closed.told[0] >= 0)
+    return q[good]
 
 
 def in_good_rates(robot: Robot, state: State, known: list[tuple[str, ...]]) -> State:
