@@ -26,7 +26,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkwork.analysis._base_parameters import regressor_of
-from linkwork.analysis.identification import Identification, Measured, motion_of
+from linkwork.analysis.identification import LEFT_OVER, Identification, Measured, motion_of
+from linkwork.analysis.outliers import warned_by_rates
 from linkwork.analysis.settled_squares import settled
 from linkwork.checks import among, positive, shown
 from linkwork.equations.regressor import OF_BODIES
@@ -330,6 +331,9 @@ def payload(
 
     Raises:
         LinkworkError: no tool, or one on the ground; forces that tell no mass above zero.
+
+    Warns:
+        ModelWarning: a sample does not fit in with the others.
     """
     # The forces that are left, row by row in the rates' own units.
     data = motion_of(robot, measured)
@@ -364,6 +368,10 @@ def payload(
     noise = np.sqrt(freedom * np.mean(remains**2, axis=1))
     noise = np.maximum(noise, 1e-9 * max(float(np.abs(right).max()), 1e-300))
     weights = np.repeat(1 / noise, len(right) // n)
+    if np.abs(remains).max() > LEFT_OVER * np.abs(right).max():
+        U = np.linalg.svd(weights[:, None] * rows, full_matrices=False)[0][:, :rank]
+        even = weights * right
+        warned_by_rates((even - U @ (U.T @ even)).reshape(n, -1), U, stacklevel=3)
     # A point at the tool with a small radius of gyration, as heavy as fits best.
     flat = robot.mechanism.bodies[held.body].inertia.planar
     at, gyration = np.array(held.frame.position), 0.05 * robot.equations.tree.length
