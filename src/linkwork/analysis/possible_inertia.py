@@ -362,7 +362,7 @@ def payload(
         )
     # Noise of each rate, and a guess: the mass that a point at the tool has to have.
     best, _, rank, _ = np.linalg.lstsq(rows, right, rcond=1e-10)
-    across = np.linalg.svd(rows)[2][rank:]
+    across = np.linalg.svd(rows, full_matrices=False)[2][rank:]
     freedom = right.size / (right.size - rank)
     remains = (right - rows @ best).reshape(n, -1)
     noise = np.sqrt(freedom * np.mean(remains**2, axis=1))
@@ -409,7 +409,7 @@ def payload(
 def told(slopes: np.ndarray, spread: float) -> np.ndarray:
     """Return which numbers (size) residuals of these slopes (rows, size) tell by themselves: those
     that are in no direction which the spread holds more firmly."""
-    _, values, directions = np.linalg.svd(slopes)
+    _, values, directions = np.linalg.svd(np.linalg.qr(slopes, mode="r"))
     found = np.zeros(len(directions))
     found[: values.size] = values
     left = directions[found * spread < 1]
