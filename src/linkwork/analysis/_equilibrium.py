@@ -133,7 +133,9 @@ def balanced(
                 kinds = positive(K_own), indifferent(K_own, E)
                 return Equilibrium(state, u, K, largest(force), *kinds)
             last = largest(r)
-            state = moved(robot, state, u, step(r, K_own, E, stable) * units, E, stable)
+            free = [name not in robot.coordinates for name in state.independent]
+            xi = step(r, K_own, E, stable, largest(r[free])) * units
+            state = moved(robot, state, u, xi, E, stable)
     worst = int(np.argmax(np.abs(r)))
     other = "choose another guess, or other forces"
     if stable and in_wind(robot.mechanism):
@@ -248,12 +250,14 @@ def scale(robot: Robot, state: State, u: np.ndarray) -> float:
     return max(weight(robot), *map(largest, parts))
 
 
-def step(r: np.ndarray, K: np.ndarray, E: float, downhill: bool) -> np.ndarray:
+def step(r: np.ndarray, K: np.ndarray, E: float, downhill: bool, turned: float = 0.0) -> np.ndarray:
     """Return the shift xi that balances r: K xi = r; downhill with the absolute values of the
     eigenvalues of K.
 
     All are in the mechanism's own units; E is the size of what balances each other [J].
-    Directions without stiffness are left alone where nothing pushes along them.
+    Directions without stiffness are left alone where nothing pushes along them. turned: the largest
+    unbalanced moment [J] on free turns, whose axes turn along: K has a part of that size which is
+    no stiffness, and would lead about axes that nothing holds.
     """
     if not downhill:
         return np.linalg.lstsq(K, r, rcond=1e-12)[0]
@@ -261,9 +265,10 @@ def step(r: np.ndarray, K: np.ndarray, E: float, downhill: bool) -> np.ndarray:
     along = vectors.T @ r
     flat, level = 1e-6 * E, np.abs(values) <= 1e-9 * np.abs(values).max(initial=E)
     along = np.where(level & (np.abs(along) <= BALANCED * E), 0.0, along)
-    summit = (values < -1e-9 * np.abs(values).max(initial=0.0)) & (np.abs(along) < flat)
+    hill = values < -np.maximum(1e-9 * np.abs(values).max(initial=0.0), turned)
+    summit = hill & (np.abs(along) < flat)
     along = np.where(summit, np.abs(values) * LONGEST, along)  # at the top of a hill: leave it
-    steepness = np.maximum(np.abs(values), np.abs(along) / LONGEST)
+    steepness = np.maximum(np.maximum(np.abs(values), turned), np.abs(along) / LONGEST)
     return vectors @ (along / np.where(steepness > 0, steepness, 1.0))
 
 
