@@ -123,6 +123,51 @@ def test_points_of_a_continuum_are_told():
     assert all(one.indifferent for one in found)
 
 
+def test_bodies_that_turn_freely_are_looked_at_from_many_sides():
+    """A pendulum on a ball joint hangs or stands; a block lies on a face or stands on an edge, each
+    of n corners at the depth (m g / (n k))^(2/3)."""
+    bob = lw.Body(mass=2.0, centre_of_mass=(0.3, 0, 0.4), inertia=lw.Inertia(xx=1, yy=1, zz=1))
+    ball = lw.SphericalJoint(connects=("ground", "bob"))
+    hung = lw.Robot(lw.Mechanism(bodies={"bob": bob}, joints={"ball": ball}))
+    floor = lw.Contact(
+        connects=("ground", "block"),
+        surfaces=(lw.Plane(), lw.Box(size=(0.2, 0.2, 0.2))),
+        stiffness=1e4,
+    )
+    free = lw.FreeJoint(connects=("ground", "block"))
+    block = lw.Body(mass=0.4, inertia=lw.Inertia(xx=1e-3, yy=1e-3, zz=1e-3))
+    lying = lw.Mechanism(bodies={"block": block}, joints={"free": free}, contacts={"floor": floor})
+    with pytest.warns(ModelWarning):
+        ends, rests = equilibria(hung, starts=4), equilibria(lw.Robot(lying), starts=12)
+    heights = [hung.energy(one.state)[1] / (2 * G) for one in ends]
+    assert {round(float(height), 6) for height in heights} == {0.5, -0.5}
+    ways = {1: np.sqrt(3), 2: np.sqrt(2), 4: 1.0}  # from the middle to corner, edge, face
+    told = {round(0.1 * way - (0.4 * G / (n * 1e4)) ** (2 / 3), 6) for n, way in ways.items()}
+    found = {round(float(one.state["free.z"]), 6) for one in rests}
+    assert found <= told and len(found) > 1
+
+
+def test_a_capsule_lies_down_from_any_side():
+    """Both ends at the depth (m g / (2 k))^(2/3); leaning little, it is hardly turned about the
+    vertical, about which nothing holds it."""
+    rod = lw.Body(mass=0.4, inertia=lw.Inertia(xx=2e-3, yy=2e-3, zz=1e-3))
+    floor = lw.Contact(
+        connects=("ground", "rod"),
+        surfaces=(lw.Plane(), lw.Capsule(radius=0.03, length=0.2)),
+        stiffness=1e4,
+    )
+    free = lw.FreeJoint(connects=("ground", "rod"))
+    described = lw.Mechanism(bodies={"rod": rod}, joints={"free": free}, contacts={"floor": floor})
+    robot, random = lw.Robot(described), np.random.default_rng(3)
+    for turn in (*random.standard_normal((6, 4)), [0.72, 0, 0.69, 0]):
+        start = robot.state([0, 0, 0.1, *turn / np.linalg.norm(turn)])
+        found = equilibrium(robot, guess=start)
+        along = robot.body_poses(found.state)["rod"][1][:, 2]
+        assert found.state["free.z"] == pytest.approx(0.03 - (0.4 * G / 2e4) ** (2 / 3), abs=1e-9)
+        assert along[2] == pytest.approx(0, abs=1e-6)
+    assert along[0] == pytest.approx(1, abs=1e-2)
+
+
 def test_a_four_bar_rests_where_its_potential_energy_is_least_on_each_assembly_mode():
     robot = lw.Robot(lw.robots.four_bar(gravity=(0.0, -9.81, 0.0)))
     found = equilibrium(robot)

@@ -12,6 +12,7 @@ from linkwork import analysis
 from linkwork.analysis import base_parameters, exciting_trajectory, identify, periodic
 from linkwork.analysis._base_parameters import independent, random_motions
 from linkwork.analysis.identification import tracked
+from linkwork.errors import ModelWarning
 
 from tests.analysis.mechanisms import arm, cart
 from tests.catalogue import built
@@ -437,3 +438,18 @@ def test_numbers_of_base_parameters_near_rounding_are_told():
     columns = U * np.logspace(0, -16, 33) @ V.T
     with pytest.warns(lw.errors.ModelWarning, match="base parameters there are is near rounding"):
         independent(columns / np.linalg.norm(columns, axis=0))
+
+
+@pytest.mark.parametrize("of", [identify, analysis.payload])
+def test_a_wrong_sample_is_told_by_its_number(of):
+    """One torque of 100 that is off by 40 times the noise; without it nothing is warned of."""
+    robot, random = built("puma560"), np.random.default_rng(3)
+    loaded = lw.Robot(robot.mechanism.with_payload(2.0, (0, 0, 0.08)))
+    q, v, dv = random.uniform(-2, 2, (3, 100, 6))
+    forces = loaded.inverse_dynamics(loaded.state(q, v), 4 * dv)
+    forces = forces + 0.1 * random.standard_normal(forces.shape)
+    of(robot, analysis.Measured(robot.state(q, v), 4 * dv, forces))
+    forces[57, 4] += 4.0
+    with pytest.warns(ModelWarning, match=r"sample 57 \(from 0\) does not fit") as told:
+        of(robot, analysis.Measured(robot.state(q, v), 4 * dv, forces))
+    assert [warned.filename for warned in told] == [__file__]

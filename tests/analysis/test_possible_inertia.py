@@ -3,6 +3,8 @@ by forces."""
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -200,6 +202,19 @@ def test_a_payload_on_the_other_side_is_found():
     own = robot.state(states.positions, states.rates)
     found = analysis.payload(robot, analysis.Measured(own, dv, forces))
     assert found.mass == pytest.approx(2.5, rel=1e-6)
+
+
+def test_many_samples_take_no_square_matrix_of_all_their_forces():
+    """Which would be 1.15 GB here, and 115 GB of ten times as many."""
+    robot = built("puma560")
+    data = measured(lw.Robot(robot.mechanism.with_payload(2.0, (0, 0, 0.08))), 2000, 0.1, 5)
+    states = robot.state(data.states.positions, data.states.rates)
+    tracemalloc.start()
+    try:
+        analysis.payload(robot, analysis.Measured(states, data.accelerations, data.forces))
+        assert tracemalloc.get_traced_memory()[1] < 0.5e9
+    finally:
+        tracemalloc.stop()
 
 
 def test_refusals():

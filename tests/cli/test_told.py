@@ -131,6 +131,8 @@ def test_stiffnesses_of_an_equilibrium_say_along_what():
     (told,) = json.loads(call(*words, "--json").stdout)
     assert len(told["stiffness"]) == len(told["independent"]) == 2
     assert f", along {', '.join(told['independent'])}" in call(*words).stdout
+    own = ", ".join(f"{row[k]:.4g}" for k, row in enumerate(told["stiffness"]))
+    assert f" {own}, along " in call(*words).stdout
 
 
 def test_rounding_of_stiffnesses_is_shown_as_zero():

@@ -1,9 +1,12 @@
 """Motions written as tables are read back to the last digit, and bad tables are refused by line."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 from linkwork import Body, Inertia, LinkworkError, Mechanism, RevoluteJoint, Robot, motions
+from linkwork.errors import ModelWarning
 from linkwork.views import plot_timed_path
 
 from tests.catalogue import built
@@ -52,6 +55,27 @@ def test_values_alone_are_read_as_a_spline_and_with_rates_as_cubics(tmp_path):
     rows = [f"{x!r},{x**3!r},{3 * x**2!r}" for x in t[::10].tolist()]
     path.write_text("time,a,a'\n" + "\n\n".join(rows))
     assert motions.read_csv(path).sample(s)[1][:, 0] == pytest.approx(3 * (1 + s) ** 2, abs=1e-12)
+
+
+def test_an_angle_told_within_one_turn_is_warned_of(tmp_path):
+    """The same table with the whole turns, and one of few rows that goes on for more than one, are
+    read in silence."""
+    t = np.linspace(0, 2, 41)
+    ways = {"whole": 2 + 3 * t, "within": (2 + 3 * t + np.pi) % (2 * np.pi) - np.pi}
+    for name, way in ways.items():
+        rows = zip(t.tolist(), way.tolist(), strict=True)
+        (tmp_path / f"{name}.csv").write_text(
+            "time,a\n" + "\n".join(f"{x!r},{y!r}" for x, y in rows)
+        )
+    with pytest.warns(ModelWarning, match=r"a leaps by -6\.133 between 0\.35 s and 0\.4 s") as told:
+        motions.read_csv(tmp_path / "within.csv")
+    assert [warned.filename for warned in told] == [__file__]
+    far = motions.point_to_point({"a": 0.0}, {"a": 6.5}, LIMITS, law="quintic")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        motions.read_csv(tmp_path / "whole.csv")
+        for rows in (2, 3, 4, 5, 6, 11):
+            motions.read_csv(motions.write_csv(tmp_path / "far.csv", far, samples=rows))
 
 
 @pytest.mark.parametrize(

@@ -313,6 +313,11 @@ def test_what_cannot_be_followed_is_refused(made, said, robot):
         (ENDS, ("x", "y"), "the path leads the joints slide_1, slide_2, slide_3; leave what="),
         ((POSES[0], POSES[1]), ("x", "y"), "names 2 coordinates, but the path leads 3"),
         ((POSES[0], POSES[1]), "x", "give a list of names"),
+        (
+            ({"y": 0, "x": 0}, {"y": 1}),
+            ["x", "y"],
+            r"leads y, x, in this order; give what=.'y', 'x'",
+        ),
     ],
 )
 def test_names_that_do_not_fit_the_path_are_refused(ends, what, said, robot):

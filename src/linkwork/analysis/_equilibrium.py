@@ -44,6 +44,7 @@ from linkwork.model.linear import (
     own_rates,
     weight,
 )
+from linkwork.model.spread import extent
 from linkwork.patience import announced
 from linkwork.robot import Robot, State
 
@@ -132,7 +133,9 @@ def balanced(
                 kinds = positive(K_own), indifferent(K_own, E)
                 return Equilibrium(state, u, K, largest(force), *kinds)
             last = largest(r)
-            state = moved(robot, state, u, step(r, K_own, E, stable) * units, E, stable)
+            free = [name not in robot.coordinates for name in state.independent]
+            xi = step(r, K_own, E, stable, largest(r[free])) * units
+            state = moved(robot, state, u, xi, E, stable)
     worst = int(np.argmax(np.abs(r)))
     other = "choose another guess, or other forces"
     if stable and in_wind(robot.mechanism):
@@ -169,21 +172,9 @@ def equilibria(
     """
     needed(robot, Robot)
     u = actuator_forces(robot, forces)
-    names = tuple(name for name in robot.independent if name in robot.coordinates)
-    problem = solver(of_joints(robot, names))
-    random = random_numbers(seed)
-    begun = random_configurations(
-        problem.square, problem.length, count(starts, "starts", MOST), random
-    )
-    places = [robot.coordinates.index(name) for name in names]
-    q, good = problem.solve(begun, robot.kernel("positions")(begun)[0][:, places], NEWTON)
-    # What these joints do not reach is closed the shortest way: arcs on which they hardly turn.
-    left, none = begun[~good], np.zeros((np.count_nonzero(~good), 0))
-    least = robot.least(robot.joints_asked(())).step
-    closed = closing.closed(least, left, (none,), NEWTON, contracting=False)
-    q[~good], good[~good] = closed.q, closed.met & (closed.told[0] >= 0)
+    begun = closed_anywhere(robot, count(starts, "starts", MOST), random_numbers(seed))
     known, found = list[tuple[str, ...]](), list[Equilibrium]()
-    for start in (robot.equations.reference, *q[good]):
+    for start in (robot.equations.reference, *begun):
         for stable in (True, False):
             try:
                 state = robot.make_state(start, np.zeros(robot.mobility))
@@ -200,6 +191,24 @@ def equilibria(
             stacklevel=3,
         )
     return sorted(found, key=lambda one: not one.stable)
+
+
+def closed_anywhere(robot: Robot, starts: int, random: np.random.Generator) -> np.ndarray:
+    """Return closed configurations (N, nq) from random ones, at most so many."""
+    length = extent(robot.mechanism, robot.chart, robot.home.q)
+    begun = random_configurations(robot.equations, length, starts, random)
+    names = tuple(name for name in robot.independent if name in robot.coordinates)
+    q, good = begun.copy(), np.zeros(starts, bool)
+    if len(names) == robot.mobility:  # else free turns are among them, which none asks for
+        places = [robot.coordinates.index(name) for name in names]
+        asked = robot.kernel("positions")(begun)[0][:, places]
+        q, good = solver(of_joints(robot, names)).solve(begun, asked, NEWTON)
+    # What these joints do not reach is closed the shortest way: arcs on which they hardly turn.
+    left, none = begun[~good], np.zeros((np.count_nonzero(~good), 0))
+    least = robot.least(robot.joints_asked(())).step
+    closed = closing.closed(least, left, (none,), NEWTON, contracting=False)
+    q[~good], good[~good] = closed.q, closed.met & (closed.told[0] >= 0)
+    return q[good]
 
 
 def in_good_rates(robot: Robot, state: State, known: list[tuple[str, ...]]) -> State:
@@ -241,12 +250,14 @@ def scale(robot: Robot, state: State, u: np.ndarray) -> float:
     return max(weight(robot), *map(largest, parts))
 
 
-def step(r: np.ndarray, K: np.ndarray, E: float, downhill: bool) -> np.ndarray:
+def step(r: np.ndarray, K: np.ndarray, E: float, downhill: bool, turned: float = 0.0) -> np.ndarray:
     """Return the shift xi that balances r: K xi = r; downhill with the absolute values of the
     eigenvalues of K.
 
     All are in the mechanism's own units; E is the size of what balances each other [J].
-    Directions without stiffness are left alone where nothing pushes along them.
+    Directions without stiffness are left alone where nothing pushes along them. turned: the largest
+    unbalanced moment [J] on free turns, whose axes turn along: K has a part of that size which is
+    no stiffness, and would lead about axes that nothing holds.
     """
     if not downhill:
         return np.linalg.lstsq(K, r, rcond=1e-12)[0]
@@ -254,9 +265,10 @@ def step(r: np.ndarray, K: np.ndarray, E: float, downhill: bool) -> np.ndarray:
     along = vectors.T @ r
     flat, level = 1e-6 * E, np.abs(values) <= 1e-9 * np.abs(values).max(initial=E)
     along = np.where(level & (np.abs(along) <= BALANCED * E), 0.0, along)
-    summit = (values < -1e-9 * np.abs(values).max(initial=0.0)) & (np.abs(along) < flat)
+    hill = values < -np.maximum(1e-9 * np.abs(values).max(initial=0.0), turned)
+    summit = hill & (np.abs(along) < flat)
     along = np.where(summit, np.abs(values) * LONGEST, along)  # at the top of a hill: leave it
-    steepness = np.maximum(np.abs(values), np.abs(along) / LONGEST)
+    steepness = np.maximum(np.maximum(np.abs(values), turned), np.abs(along) / LONGEST)
     return vectors @ (along / np.where(steepness > 0, steepness, 1.0))
 
 

@@ -31,7 +31,7 @@ from linkwork.analysis.measured_poses import (
     spatial,
 )
 from linkwork.analysis.noise_shares import NoiseShares
-from linkwork.analysis.outliers import beyond_noise, standing_out
+from linkwork.analysis.outliers import beyond_noise, warned_of_sample
 from linkwork.analysis.settled_squares import settled
 from linkwork.checks import amount, by_name, finite, in_order, needed, shown
 from linkwork.errors import LinkworkError, ModelWarning
@@ -228,15 +228,9 @@ def calibrate(robot: Robot, measured: MeasuredPoses) -> Calibration:
 def warn_of_misfit(found: Calibration, left: np.ndarray) -> None:
     """Warn of a sample that stands out from the others, and of more than the stated noise; left: of
     the derivatives at the end (rows, rank)."""
-    worst = standing_out(found.remains, left)
-    if worst is not None:
-        warnings.warn(
-            f"sample {worst} (from 0) does not fit in with the others, and draws all numbers with "
-            "it; look at what was measured there, or leave it out",
-            ModelWarning,
-            stacklevel=4,
-        )
-    elif found.weighed and beyond_noise(found.chi_square, found.freedoms):
+    if warned_of_sample(found.remains, left, stacklevel=4):
+        return
+    if found.weighed and beyond_noise(found.chi_square, found.freedoms):
         times = np.sqrt(found.chi_square / found.freedoms)
         warnings.warn(
             f"what remains is {times:.3g} times the stated noise (chi-square "

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 
 from linkwork.analysis._base_parameters import NEGLIGIBLE, Base, base_parameters, pace
 from linkwork.analysis.all_rows import on_mode
+from linkwork.analysis.outliers import warned_by_rates
 from linkwork.analysis.square import of_joints
 from linkwork.checks import finite, in_order, needed, shown
 from linkwork.errors import LinkworkError
@@ -35,6 +36,7 @@ from linkwork.robot import Robot, State, UnreachableError
 from linkwork.simulation import Run
 
 REWEIGHTED = 3
+LEFT_OVER = 1e-9  # part of the largest force that rounding may leave
 APART = 1e-6  # smallest over largest singular value of harmonics that samples tell apart
 SHOWN, WIDE = 12, 76  # lines, and characters of a line, in a repr
 
@@ -119,6 +121,9 @@ def identify(
     Raises:
         LinkworkError: too few samples, a motion that does not tell all base parameters apart;
             states of another robot, or in rates other than those of home.
+
+    Warns:
+        ModelWarning: a sample does not fit in with the others.
     """
     # Y beta = S' u - (known part), each row multiplied by its rate's own unit so that rows compare.
     data = motion_of(robot, measured)
@@ -156,9 +161,11 @@ def identify(
         weights = 1 / np.maximum(noise, 1e-12 * max(np.abs(right).max(), 1e-300))
     weighted = even * np.repeat(weights, len(right) // n)[:, None]
     freedom = right.size / (right.size - beta.size)
-    R = np.linalg.qr(weighted, mode="r")
+    Q, R = np.linalg.qr(weighted)
     deviations = np.linalg.norm(np.linalg.inv(R), axis=1) / lengths * np.sqrt(freedom)
     root = R * lengths / np.sqrt(freedom)
+    if np.abs(remains).max() > LEFT_OVER * np.abs(right).max():
+        warned_by_rates(weights[:, None] * remains, Q, stacklevel=3)
     return Identification(base, beta, deviations, float(sigma[0] / sigma[-1]), noise / own, root)
 
 

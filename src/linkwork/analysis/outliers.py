@@ -12,7 +12,11 @@ Source: Cook & Weisberg 1982, Residuals and Influence in Regression, ch. 2 (mean
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
+
+from linkwork.errors import ModelWarning
 
 RARE = 1e-9
 """Probability of so large a value among all, beyond which chance is no reason for it."""
@@ -41,6 +45,29 @@ def standing_out(remains: np.ndarray, left: np.ndarray) -> int | None:
         return None
     chance = distribution.sf(less[worst] / m / (rest[worst] / freedoms), m, freedoms)
     return worst if count * chance < RARE else None
+
+
+def warned_of_sample(remains: np.ndarray, left: np.ndarray, stacklevel: int) -> bool:
+    """Warn of a sample that stands out, and tell whether there is one; as `standing_out`.
+
+    stacklevel: of the one who is warned, 1 being who calls this
+    """
+    worst = standing_out(remains, left)
+    if worst is not None:
+        warnings.warn(
+            f"sample {worst} (from 0) does not fit in with the others, and draws all numbers with "
+            "it; look at what was measured there, or leave it out",
+            ModelWarning,
+            stacklevel=stacklevel + 1,
+        )
+    return worst is not None
+
+
+def warned_by_rates(remains: np.ndarray, left: np.ndarray, stacklevel: int) -> bool:
+    """Do as `warned_of_sample` with rows that go through all samples of one rate, then of the next;
+    remains: r (m, N)."""
+    left = np.swapaxes(left.reshape(*remains.shape, -1), 0, 1).reshape(left.shape)
+    return warned_of_sample(remains.T, left, stacklevel + 1)
 
 
 def beyond_noise(chi_square: float, freedoms: int) -> bool:

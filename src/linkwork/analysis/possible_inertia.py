@@ -26,7 +26,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkwork.analysis._base_parameters import regressor_of
-from linkwork.analysis.identification import Identification, Measured, motion_of
+from linkwork.analysis.identification import LEFT_OVER, Identification, Measured, motion_of
+from linkwork.analysis.outliers import warned_by_rates
 from linkwork.analysis.settled_squares import settled
 from linkwork.checks import among, positive, shown
 from linkwork.equations.regressor import OF_BODIES
@@ -330,6 +331,9 @@ def payload(
 
     Raises:
         LinkworkError: no tool, or one on the ground; forces that tell no mass above zero.
+
+    Warns:
+        ModelWarning: a sample does not fit in with the others.
     """
     # The forces that are left, row by row in the rates' own units.
     data = motion_of(robot, measured)
@@ -358,12 +362,16 @@ def payload(
         )
     # Noise of each rate, and a guess: the mass that a point at the tool has to have.
     best, _, rank, _ = np.linalg.lstsq(rows, right, rcond=1e-10)
-    across = np.linalg.svd(rows)[2][rank:]
+    across = np.linalg.svd(rows, full_matrices=False)[2][rank:]
     freedom = right.size / (right.size - rank)
     remains = (right - rows @ best).reshape(n, -1)
     noise = np.sqrt(freedom * np.mean(remains**2, axis=1))
     noise = np.maximum(noise, 1e-9 * max(float(np.abs(right).max()), 1e-300))
     weights = np.repeat(1 / noise, len(right) // n)
+    if np.abs(remains).max() > LEFT_OVER * np.abs(right).max():
+        U = np.linalg.svd(weights[:, None] * rows, full_matrices=False)[0][:, :rank]
+        even = weights * right
+        warned_by_rates((even - U @ (U.T @ even)).reshape(n, -1), U, stacklevel=3)
     # A point at the tool with a small radius of gyration, as heavy as fits best.
     flat = robot.mechanism.bodies[held.body].inertia.planar
     at, gyration = np.array(held.frame.position), 0.05 * robot.equations.tree.length
@@ -401,7 +409,7 @@ def payload(
 def told(slopes: np.ndarray, spread: float) -> np.ndarray:
     """Return which numbers (size) residuals of these slopes (rows, size) tell by themselves: those
     that are in no direction which the spread holds more firmly."""
-    _, values, directions = np.linalg.svd(slopes)
+    _, values, directions = np.linalg.svd(np.linalg.qr(slopes, mode="r"))
     found = np.zeros(len(directions))
     found[: values.size] = values
     left = directions[found * spread < 1]

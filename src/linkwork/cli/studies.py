@@ -380,12 +380,11 @@ def equilibrium(
     if as_json:
         show_json([equilibrium_told(robot, one) for one in found])
         return
-    # In tables, the stiffnesses with the rates that they hold along.
+    # In tables, the stiffness along each rate while the others stand still.
     out = console()
     for one in found:
         energy = float(robot.energy(one.state)[1])
-        values = np.linalg.eigvalsh((one.stiffness + one.stiffness.T) / 2)
-        stiffnesses = ", ".join(f"{value:.4g}" for value in values)
+        stiffnesses = ", ".join(f"{value:.4g}" for value in np.diagonal(one.stiffness))
         loose = ", indifferent along some direction" if one.indifferent else ""
         out.print(
             facts(

@@ -93,6 +93,11 @@ def follow(
 def of_tool(timed: TimedPath, what: tuple[str, ...]) -> tuple[TimedPath, tuple[str, ...]]:
     """Return a path of the tool's coordinates of these names, as a table of them is; refuse another
     number of them than the path has, and a path of joints."""
+    if sorted(timed.names) == sorted(what) and timed.names != what:
+        raise LinkworkError(
+            f"the path leads {', '.join(timed.names)}, in this order; give "
+            f"what={checks.shown(timed.names)}"
+        )
     if timed.names and timed.names != what:
         raise LinkworkError(
             f"the path leads the joints {', '.join(timed.names)}; leave what={checks.shown(what)} "

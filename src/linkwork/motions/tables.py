@@ -9,13 +9,15 @@ polynomials that have them, and accelerations if these are there, at each row.
 from __future__ import annotations
 
 import csv
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 
 import numpy as np
 
 from linkwork import checks
-from linkwork.errors import LinkworkError
+from linkwork.equations.algebra import wrapped
+from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.mechanism.task import labels
 from linkwork.model.labels import POSES
 from linkwork.model.state import Motion
@@ -160,6 +162,9 @@ def read_csv(path: str | FilePath, names: Sequence[str] = ()) -> TimedPath:
     Raises:
         LinkworkError: a file that cannot be read or has no such columns, a row that is no row of
             finite numbers, by its line; times that do not increase.
+
+    Warns:
+        ModelWarning: a column leaps like an angle that begins anew after a whole turn.
     """
     asked = checks.names(names, "names")
     columns = read_columns(checks.file_path(path, "the path"))
@@ -176,9 +181,30 @@ def read_csv(path: str | FilePath, names: Sequence[str] = ()) -> TimedPath:
     there = [all(f"{name}{mark}" in columns for name in wanted) for mark in MARKS]
     given = MARKS[: [*there, False].index(False)]
     parts = [np.stack([columns[f"{name}{mark}"] for name in wanted], axis=1) for mark in given]
+    warn_of_turns(path, columns[TIME], parts[0], wanted)
     time = columns[TIME] - columns[TIME][0]
     profile = splined(time, parts[0]) if len(parts) == 1 else joined(time, parts)
     return TimedPath.of(profile, tuple(wanted), ())
+
+
+def warn_of_turns(
+    path: str | FilePath, time: np.ndarray, values: np.ndarray, names: Sequence[str]
+) -> None:
+    """Warn of the first leap between rows (K, d) that would be a step like its neighbours but for
+    a whole turn."""
+    steps = np.pad(np.diff(values, axis=0), ((1, 1), (0, 0)))
+    beside = np.maximum(np.abs(steps[:-2]), np.abs(steps[2:]))
+    step = steps[1:-1]
+    leaps = (np.abs(step) > np.maximum(np.pi, 4 * beside)) & (np.abs(wrapped(step)) < 2 * beside)
+    for row, column in np.argwhere(leaps)[:1].tolist():
+        warnings.warn(
+            f"'{path}': {names[column]} leaps by {step[row, column]:.4g} between "
+            f"{time[row]:.6g} s and {time[row + 1]:.6g} s, as angles do that are told within one "
+            "turn; the path goes all the way in that time: if none is meant, add the whole turns "
+            "(numpy.unwrap)",
+            ModelWarning,
+            stacklevel=3,
+        )
 
 
 def rows_of(path: FilePath) -> list[tuple[int, list[str]]]:
