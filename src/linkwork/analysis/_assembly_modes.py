@@ -257,7 +257,7 @@ def scattered(
     """Return random starts at which the tree's own coordinates already have the asked values, and
     gears are in mesh."""
     square, tree, given = problem.square, problem.square.equations.tree, list[str]()
-    q = random_configurations(square.equations, WIDE * problem.length, count, random)
+    q = random_configurations(square, WIDE * problem.length, count, random)
     for name, turns in square.robot.once(meshing_turns).items():
         if name in tree.places:
             q[:, tree.places[name]] *= turns or UNENDING

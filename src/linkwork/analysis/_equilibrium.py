@@ -196,7 +196,7 @@ def equilibria(
 def closed_anywhere(robot: Robot, starts: int, random: np.random.Generator) -> np.ndarray:
     """Return closed configurations (N, nq) from random ones, at most so many."""
     length = extent(robot.mechanism, robot.chart, robot.home.q)
-    begun = random_configurations(robot.equations, length, starts, random)
+    begun = random_configurations(robot, length, starts, random)
     names = tuple(name for name in robot.independent if name in robot.coordinates)
     q, good = begun.copy(), np.zeros(starts, bool)
     if len(names) == robot.mobility:  # else free turns are among them, which none asks for

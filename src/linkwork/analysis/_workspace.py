@@ -292,7 +292,7 @@ def scattered(
     """
     count, random = len(poses), np.random.default_rng(1990)
     each = STARTS // max(count, 16)
-    q = random_configurations(problem.square.equations, problem.length, count * each, random)
+    q = random_configurations(problem.square, problem.length, count * each, random)
     if known is not None and len(known):
         q[::2] = known[random.integers(len(known), size=len(q[::2]))]
     q, good = kept(*problem.solve(q, np.repeat(poses, each, axis=0), ITERATIONS, mode))

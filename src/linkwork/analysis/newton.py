@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork.analysis.square import Square
-from linkwork.equations import Equations, functions
+from linkwork.equations import functions
 from linkwork.kernels import Kernel, compile_function
 from linkwork.model.closing import Step, bending, closed, of_any_length
 from linkwork.model.spread import extent
@@ -174,14 +174,14 @@ def in_threads(work: Callable[[slice], Result], parts: Sequence[slice]) -> list[
 
 
 def random_configurations(
-    equations: Equations, length: float, count: int, random: np.random.Generator
+    of: Square | Robot, length: float, count: int, random: np.random.Generator
 ) -> np.ndarray:
     """Return random configurations (count, nq): angles and orientations uniform, slides within a
     length of home.
 
     Their loops are open. Coordinates that are asked for are set by the caller.
     """
-    tree, home = equations.tree, equations.reference
+    tree, home = of.equations.tree, of.equations.reference
     q = np.empty((count, len(tree.coordinates)))
     for place, k in tree.single:
         spread = random.uniform(-1, 1, count)
