@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linkwork.mechanism import GROUND
 from linkwork.robot import Robot
 from linkwork.scene import meshes
 from linkwork.scene.colours import Colour
@@ -23,11 +22,8 @@ from linkwork.scene.scene import scene_of
 PLATE, EDGE = 0.012, 0.0055
 # Of springs: their number, and the radius of the wire relative to the mechanism.
 COILS, WIRE = 8, 0.004
-OPACITY = {
-    "shell": 0.55,
-    "base": 0.5,
-    "floor": 0.5,
-}  # by role, of what would hide joints and ground
+# By role, of what would hide joints and ground.
+OPACITY = {"shell": 0.55, "base": 0.5, "floor": 0.5}
 SHARP = 1e-6  # one less the cosine of the angle between two faces with an edge between them
 
 
@@ -73,7 +69,7 @@ class Fixtures:
 def fixtures_of(robot: Robot) -> Fixtures:
     """Return what is shown of a robot."""
     scene = scene_of(robot, robot.home)
-    maker = Maker({GROUND: (np.zeros(3), np.eye(3))} | robot.body_poses(robot.home), scene.size)
+    maker = Maker(scene.pose.poses, scene.size)
     found = tuple(fixture for part in scene.parts for fixture in maker.fixtures(part))
     points = scene.pose.points
     return Fixtures(

@@ -7,7 +7,7 @@ by form and role, and knows no kinds of joints or shapes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,7 +17,6 @@ from linkwork.mechanism import GROUND, Mechanism
 from linkwork.mechanism.limits import limited
 from linkwork.robot import Robot, State
 from linkwork.scene import surfaces
-from linkwork.scene.cable_runs import Placed
 from linkwork.scene.colours import DRIVEN, TRIAD
 from linkwork.scene.curves import hull
 from linkwork.scene.ground import ground
@@ -36,14 +35,13 @@ ARROW, MASS, WINDING = 0.09, 0.035, 0.025  # length of a tool's axes, radii of m
 class Scene:
     """Hold all that is drawn of a robot, in a pose, and how its bodies move from there in others.
 
-    pose: the points; poses: places and turns of the ground and of all bodies
-    moves: of the same, to each of the poses that are shown (K)
+    pose: the points; moves: of the ground and of all bodies, to each of the poses that are shown
+        (K)
     shown: whether these are all that is shown; else the mechanism may be brought anywhere
     """
 
     robot: Robot
     pose: Skeleton
-    poses: Mapping[str, Placed]
     moves: Moves
     shown: bool
 
@@ -78,12 +76,12 @@ class Scene:
     @cached_property
     def touching(self) -> list[tuple[str, str, PlacedMesh]]:
         """Return the solids of contacts that no shape of a body shows."""
-        return surfaces.solids(self.robot.mechanism, self.poses, self.pose.solids)
+        return surfaces.solids(self.robot.mechanism, self.pose)
 
     @cached_property
     def sheets(self) -> tuple[ScenePart, ...]:
         """Return the planes and fields of heights of contacts."""
-        given = self.poses, self.own_points, self.size, self.shown, self.flat
+        given = self.pose.poses, self.own_points, self.size, self.shown, self.flat
         return tuple(surfaces.sheets(self.robot.mechanism, *given))
 
     def moves_to(self, k: int) -> Moves:
@@ -113,7 +111,8 @@ def scene_of(robot: Robot, state: State, shown: State | None = None) -> Scene:
 
     shown: the one or more states that are drawn; left out: the robot may be brought to any
     """
-    here = {GROUND: (np.zeros(3), np.eye(3))} | robot.body_poses(state)
+    pose = skeleton(robot, state)
+    here = pose.poses
     there = here if shown is None else robot.body_poses(shown)
     moves = {}
     for name, (place, turn) in there.items():
@@ -121,7 +120,7 @@ def scene_of(robot: Robot, state: State, shown: State | None = None) -> Scene:
         moves[name] = (place.reshape(-1, 3) - way @ here[name][0], way)
     count = len(next(iter(moves.values()))[1])
     moves[GROUND] = (np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
-    return Scene(robot, skeleton(robot, state), here, moves, shown is not None)
+    return Scene(robot, pose, moves, shown is not None)
 
 
 def bodies(mechanism: Mechanism, pose: Skeleton, size: float, flat: bool) -> Iterator[ScenePart]:

@@ -94,6 +94,7 @@ class JointPlace:
 class Skeleton:
     """Hold what is drawn of a mechanism in one pose, in the ground's axes [m].
 
+    poses: places and turns of the ground and of all bodies
     bodies: the points (k, 3) of each body
     solids: the shapes of the bodies that have some, in their order
     arcs: the polylines of bodies that are arcs between two hinges
@@ -105,6 +106,7 @@ class Skeleton:
     tools: origin (3) and axes (3, 3), in columns
     """
 
+    poses: dict[str, Placed]
     bodies: dict[str, np.ndarray]
     solids: dict[str, tuple[PlacedMesh, ...]]
     arcs: dict[str, np.ndarray]
@@ -209,7 +211,9 @@ def skeleton(robot: Robot, state: State) -> Skeleton:
         for name, gear in mechanism.gears.items()
     }
     cables = cable_runs(mechanism, poses)
-    return Skeleton(bodies, solids, arcs, joints, gears, springs, cables, anchors, masses, tools)
+    return Skeleton(
+        poses, bodies, solids, arcs, joints, gears, springs, cables, anchors, masses, tools
+    )
 
 
 def held_points(

@@ -3,7 +3,7 @@ points of contacts on the ground and on bodies that are not drawn as shapes of t
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from linkwork.scene.cable_runs import Placed
 from linkwork.scene.colours import PALE
 from linkwork.scene.meshes import BALL, FINEST, Mesh, PlacedMesh, piece_of
 from linkwork.scene.parts import Bar, Hull, ScenePart
-from linkwork.scene.skeleton import frame_pose, placed
+from linkwork.scene.skeleton import Skeleton, frame_pose, placed
 from linkwork.solids.triangles import Triangles, simplified
 
 # Lengths are relative to the mechanism
@@ -23,16 +23,14 @@ EDGE, DOT = 0.004, 0.012  # radii of a line of the ground, and of points without
 ASIDE = 0.5  # part of a normal, or of an axis, in the picture's plane, below which it is not seen
 
 
-def solids(
-    mechanism: Mechanism, poses: Mapping[str, Placed], drawn: Collection[str]
-) -> list[tuple[str, str, PlacedMesh]]:
+def solids(mechanism: Mechanism, pose: Skeleton) -> list[tuple[str, str, PlacedMesh]]:
     """Return the solids that touch, each with its contact and its body, but for bodies that are
     drawn as shapes."""
     found = []
     for (body, surface), name in once(mechanism).items():
-        if body in drawn or isinstance(surface, Plane | HeightField):
+        if body in pose.solids or isinstance(surface, Plane | HeightField):
             continue
-        own = frame_pose(poses[body], surface.frame)
+        own = frame_pose(pose.poses[body], surface.frame)
         if isinstance(surface, Points):
             size = np.full(3, surface.radius)
             balls = [PlacedMesh(BALL, placed(own, p), own[1], size) for p in surface.points]
@@ -76,13 +74,9 @@ def sheets(
         if shown and max(above, below) > FAR * size:
             continue
         form = section(surface, (origin, turn), reach, size) if flat else sheet(surface, reach)
-        if form is None:
-            continue
-        if isinstance(form, PlacedMesh):
-            form = form.moved(origin, turn)
-        elif isinstance(form, Hull):
-            form = Hull(origin + form.points @ turn.T, form.around)
-        yield ScenePart(name, "floor" if body == GROUND else "plate", (body,), form)
+        if form is not None:
+            part = ScenePart(name, "floor" if body == GROUND else "plate", (body,), form)
+            yield part if flat else part.at({body: (origin, turn)})
 
 
 def once(mechanism: Mechanism) -> dict[tuple[str, Surface], str]:
