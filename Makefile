@@ -14,22 +14,28 @@ LOCKED := engines viewer control video fmu sympy jax gym sweeps
 comma := ,
 space := $() $()
 
-.PHONY: demo test hostile oldest bench docs lock clean
+.PHONY: demo test long hostile oldest bench docs lock clean
 
 demo: $(READY)  ## reproduce the paper: report.html and its data in ./demo
 	$(BIN)/linkwork reproduce --out demo
 
-test: $(READY) $(BROWSER) $(COMPILERS) $(TORCH)  ## lint, types, all tests
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
+
+test: $(READY) $(BROWSER) $(COMPILERS) $(TORCH)  ## lint, types, all tests but the long ones
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	# Types are checked meanwhile, which takes one processor a minute; both have to pass.
-	$(BIN)/pyright & types=$$!; \
-	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal; tests=$$?; \
+	# Types are checked meanwhile, which takes one processor a minute, less where its garbage is
+	# looked for seldom; both have to pass.
+	NODE_OPTIONS=--max-semi-space-size=64 $(BIN)/pyright & types=$$!; \
+	PYTHONDONTWRITEBYTECODE= $(PYTEST) --dist worksteal -m "not long"; tests=$$?; \
 	wait $$types && exit $$tests
 
+long: $(READY) $(BROWSER) $(COMPILERS) $(TORCH)  ## the tests that `make test` leaves out, for they take long
+	PYTHONDONTWRITEBYTECODE= $(PYTEST) --dist worksteal -m long
+
 hostile: $(READY) $(TORCH)  ## every hostile case, every mutated file and all robots where one of each kind stands for them in `make test`
-	LINKWORK_HOSTILE=all OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/hostile tests/analysis tests/benchmarks tests/control tests/design tests/equations tests/export tests/formats \
-	    tests/gradients tests/gym tests/jax tests/kernels tests/lab tests/mechanism tests/motions tests/robot tests/sweeps tests/torch -n 2 --dist loadgroup
+	LINKWORK_HOSTILE=all $(PYTEST) tests/hostile tests/analysis tests/benchmarks tests/control tests/design tests/equations tests/export tests/formats \
+	    tests/gradients tests/gym tests/jax tests/kernels tests/lab tests/mechanism tests/motions tests/robot tests/sweeps tests/torch --dist loadgroup
 
 oldest: $(READY)  ## most tests with the oldest versions of other packages that pyproject.toml allows, in an environment of its own
 	$(BIN)/uv venv --quiet --clear --python $(BIN)/python $(OLDEST)

@@ -79,6 +79,23 @@ def pytest_collection() -> Iterator[None]:
     gc.enable()
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark as long what a sample stands for: of the cases of a test that is marked `sample(n)` all
+    but n, which are evenly taken."""
+    families: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        families.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for cases in families.values():
+        mark = cases[0].get_closest_marker("sample")
+        if mark is not None:
+            (few,) = mark.args
+            taken = {j * len(cases) // few for j in range(few)}
+            for number, case in enumerate(cases):
+                if number not in taken:
+                    case.add_marker(pytest.mark.long)
+
+
 @pytest.fixture
 def code_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Kernels are compiled when they are first asked: none is interpreted, none evaluates the

@@ -22,6 +22,7 @@ FINGERS = samples.URDF.replace("</robot>", "").replace(
 )
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("name", "text", "side"),
     [

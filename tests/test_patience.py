@@ -63,6 +63,7 @@ def test_a_fault_is_passed_on_and_ends_the_announcement(terminal):
     assert "counting took" in terminal.getvalue()
 
 
+@pytest.mark.long
 def test_a_run_is_named_while_it_lasts_without_what_is_announced_in_it(terminal):
     with ongoing("simulating"):
         with announced("compiling"):
@@ -73,6 +74,7 @@ def test_a_run_is_named_while_it_lasts_without_what_is_announced_in_it(terminal)
     assert terminal.getvalue().endswith("linkwork: simulating took 0.4 s\n")
 
 
+@pytest.mark.long
 def test_runs_are_announced_and_quick_ones_are_not(terminal, monkeypatch):
     robot = built("prr3")
     robot.simulate(robot.home, duration=1e-3)

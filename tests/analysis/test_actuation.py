@@ -274,6 +274,7 @@ def test_free_numbers_are_those_of_the_robot():
     assert light.inertia(states[1]) == pytest.approx(again.inertia(again.at(POSES[0])), rel=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 def test_the_exported_c_gives_the_same_numbers(tmp_path):
     model = analysis.actuation(ankle(True), ANKLE)
@@ -316,6 +317,7 @@ def test_the_exported_c_gives_the_same_numbers(tmp_path):
     assert gap < 1e-13
 
 
+@pytest.mark.long
 def test_a_leg_under_a_free_base_is_that_of_a_fixed_one():
     """Maps, limits and gains do not ask where the base is; exported functions say the same."""
     free, fixed = (

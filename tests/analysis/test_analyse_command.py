@@ -23,6 +23,7 @@ def printed(*words):
     return result.stdout
 
 
+@pytest.mark.long
 def test_modes_are_counted_and_listed():
     text = printed("five_bar", "modes")
     assert "2 (sure)" in text and "likely missing" in text
@@ -32,12 +33,14 @@ def test_modes_are_counted_and_listed():
     )
 
 
+@pytest.mark.long
 def test_a_singular_pose_is_named():
     text = printed("rpr3", "singularities", "--tool", "0.5,0.288675134594813,0")
     assert "II: actuator-singular" in text and "angle 1" in text
     assert "no: regular" in printed("five_bar", "singularities")
 
 
+@pytest.mark.long
 def test_a_map_is_printed_written_and_drawn(tmp_path):
     file, picture = tmp_path / "map.nc", tmp_path / "map.svg"
     words = (
@@ -144,6 +147,7 @@ def test_refusals_are_one_sentence(words, told):
     assert told in refused("analyse", *words)
 
 
+@pytest.mark.long
 def test_numbers_are_found_from_a_table_and_written(tmp_path):
     """Poses of a robot whose pivot is off are told by a table; the description is put right."""
     name, off = "pivot_2.frames.0.position.x", 1.0005

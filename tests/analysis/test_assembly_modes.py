@@ -86,6 +86,7 @@ def test_turns_of_a_gear_s_motor_are_no_further_modes(ratio):
     assert np.abs(modes.states["hinge_1"]).max() < np.pi
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("ratio", "known"), [(1.5, True), (2**0.5, False)])
 def test_cranks_in_mesh_are_back_after_some_turns(ratio, known):
     """Of two cranks that turn 2 to 3 the modes of two turns are told, by a dense scan of these; of
@@ -99,6 +100,7 @@ def test_cranks_in_mesh_are_back_after_some_turns(ratio, known):
         assert len(modes) == np.sum(np.abs(passed) == 2) > 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("length", [0.3, 0.5, 0.9])
 def test_a_spindle_that_lifts_an_arm_has_two_modes(length):
     """|0.5 e(hinge) - A| = length, of a thread of 2 mm a turn; asked of the arm, the nut may be on
@@ -117,6 +119,7 @@ def test_a_spindle_that_lifts_an_arm_has_two_modes(length):
     )
 
 
+@pytest.mark.long
 def test_dietmaier_s_platform_has_forty_assembly_modes():
     robot = dietmaier()
     modes = assembly_modes(
@@ -148,6 +151,7 @@ def test_the_3_rpr_of_innocenti_and_parenti_castelli_has_six():
     np.testing.assert_allclose(angles, expected, atol=2 * np.pi / 20000)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("slides", [(0.3, 0.3, 0.3), (0.2, 0.45, 0.5), (0.6, 0.1, 0.5)])
 def test_3_prr_modes_are_as_many_as_the_circles_of_the_links_allow(slides):
     modes = assembly_modes(built("prr3"), {f"slide_{i}": s for i, s in enumerate(slides, start=1)})
@@ -161,6 +165,7 @@ def test_3_prr_modes_are_as_many_as_the_circles_of_the_links_allow(slides):
     np.testing.assert_allclose(found, expected, atol=2 * np.pi / 20000)
 
 
+@pytest.mark.long
 def test_a_delta_also_stands_where_its_three_spheres_meet_above_the_elbows():
     """Level platforms: two, as far above the elbows as below. None of its poses hangs on the order
     of joints in the description."""
@@ -234,6 +239,7 @@ def test_an_arm_of_six_joints_with_a_spherical_wrist_has_eight():
     )
 
 
+@pytest.mark.long
 def test_the_first_mode_is_the_reference_s():
     modes = assembly_modes(built("stewart"))
     np.testing.assert_allclose(
@@ -243,6 +249,7 @@ def test_the_first_mode_is_the_reference_s():
     )
 
 
+@pytest.mark.long
 def test_idle_spins_make_no_modes():
     """The hexaglide with rods that may spin about themselves has the assembly modes of the one
     whose rods may not."""
@@ -288,6 +295,7 @@ def test_joint_limits_are_told():
     assert inside[0] and 0 < inside.sum() < 4
 
 
+@pytest.mark.long
 def test_out_of_reach_there_is_no_mode():
     modes = working_modes(built("five_bar"), [5.0, 0.0])
     assert len(modes) == 0 and not modes.sure

@@ -83,6 +83,7 @@ def plate(kind):
     )
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", RATIOS)
 def test_belts_move_what_their_cranks_do(name):
     """a' = M q' of the cranks' rates: K = M K_q, J = J_q M^-1, det A alike over its reference."""

@@ -127,6 +127,7 @@ def test_an_arm_is_found_to_rounding_and_saved(arm, tmp_path):
     close(again.tool_pose(again.state(others)), poses.tool_pose(poses.state(others)), 1e-12)
 
 
+@pytest.mark.long
 def test_directions_of_axes_in_closed_loops_are_found():
     """All errors of the six hinges of a 3-RRS, tilts among them, from measured poses: of 36 numbers
     27 are seen, and other poses are then met to rounding."""
@@ -219,6 +220,7 @@ def test_redundant_encoders_find_lengths_without_a_tool(rpr):
             )
 
 
+@pytest.mark.long
 def test_estimates_scatter_as_their_deviations_say(rpr):
     """Chi-square of the errors of all seen numbers, over seeds, lies within its central 99.8 %."""
     robot, near = rpr
@@ -270,6 +272,7 @@ def test_lengths_of_belts_are_readings():
     assert found.values["belt_1.ratios.x"] == pytest.approx(1.02, abs=1e-12)
 
 
+@pytest.mark.long
 def test_noise_of_some_is_not_all_noise(rpr):
     """What is left out, an encoder of those by name or a plate's rotation beside its position, is
     of the size of what is stated; it counted as one of 1 rad, which nobody had stated."""
@@ -306,6 +309,7 @@ def test_noise_that_is_not_stated_is_estimated(rpr):
     assert not found.weighed and found.scale == pytest.approx(1e-5, rel=0.3)
 
 
+@pytest.mark.long
 def test_deviations_hold_where_noise_that_is_not_stated_is_of_two_sizes(rpr):
     """Those of the least squares with the noise that really is, where rotations are ten times as
     uncertain, by the robot's own length, as positions, and the other way round: by the noise of all
@@ -455,6 +459,7 @@ def test_choices_that_tell_too_little_are_refused(rpr):
         analysis.observability(robot, states, measure="all")  # pyright: ignore
 
 
+@pytest.mark.long
 def test_a_search_that_ends_beside_the_best_fit_says_so():
     """The rods of a Delta are off by as much as a tenth: on the way to them its loops cease to
     close, where steps become tiny; much was left, and nothing said so."""
@@ -519,6 +524,7 @@ def test_deviations_where_nothing_remains_are_zero_or_infinite(rpr):
     assert not np.isnan(found.deviations).any()
 
 
+@pytest.mark.long
 def test_what_looks_like_other_units_is_warned_of(rpr):
     robot, states = rpr
     pose = robot.tool_pose(states)
@@ -527,6 +533,7 @@ def test_what_looks_like_other_units_is_warned_of(rpr):
             analysis.calibrate(robot, analysis.MeasuredPoses(states, pose * scale))
 
 
+@pytest.mark.long
 def test_a_wrong_sample_and_more_than_the_stated_noise_are_warned_of(rpr):
     """Right measurements, in whatever noise, are taken without a word; one pose off by a
     centimetre is named, and so is a noise of which a tenth is stated."""

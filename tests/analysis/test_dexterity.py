@@ -48,6 +48,7 @@ def test_robots_that_move_alike_in_all_directions():
         np.testing.assert_allclose(found.transmissibility, 1.0, atol=1e-9)
 
 
+@pytest.mark.long
 def test_the_global_index_is_the_mean_over_what_is_reached():
     """A ring, in which the conditioning depends on the distance alone: by quadrature over it."""
     robot = arm(1.0, 0.6)

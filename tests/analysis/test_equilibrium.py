@@ -32,6 +32,7 @@ def test_a_pendulum_hangs_and_stands():
     assert np.sin(away.state["hinge_1"]) == pytest.approx(-1)
 
 
+@pytest.mark.long
 def test_a_search_from_many_starts_derives_few_charts():
     """Independent rates that were good for one start are taken for others."""
     described = built("rpr3").mechanism.model_copy(update={"gravity": (0.0, -9.81, 0.0)})
@@ -40,6 +41,7 @@ def test_a_search_from_many_starts_derives_few_charts():
     assert len(robot.charts) == 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lengths", [(0.86, 0.92, 0.25, 0.39), (0.99, 0.93, 0.81, 0.63)])
 def test_stable_and_unstable_equilibria_alternate_around_a_circuit(lengths):
     """A crank between two dead points: near these it hardly turns, and summits lie there."""
@@ -57,6 +59,7 @@ def test_a_motor_holds_the_pendulum_at_its_angle():
     assert found.stable
 
 
+@pytest.mark.long
 def test_a_belt_and_a_fan_hold_a_pendulum():
     """Where m g l cos q = the torque: what the belt does has a potential, and the fan's thrust has
     none."""

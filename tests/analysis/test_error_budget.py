@@ -99,6 +99,7 @@ def test_all_rods_of_a_delta_too_long():
     assert "rod_1_left.length" in repr(told)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ["prr3", "five_bar", "stewart"])
 def test_numbers_against_loops_that_are_closed_again(name):
     """Central differences of the direct kinematics with other numbers, away from home."""

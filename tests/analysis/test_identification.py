@@ -89,6 +89,7 @@ def energies(robot, states):
     return np.stack(columns, axis=1)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("name", "spread"), [("stewart", 0.05), ("hexaglide", 0.03)])
 def test_loops_that_close_near_home_only_have_all_their_base_parameters(name, spread):
     """As many as the energies of motions tell apart: rank of what varies of them (Gautier 1991)."""
@@ -202,6 +203,7 @@ def effects(robot):
     ]
 
 
+@pytest.mark.long
 def test_known_parameters_are_recovered_from_noisy_measurements_within_their_deviations(excited):
     """Of nine trials with other noise each, errors over deviations have the mean square 1."""
     robot, _, motion = excited
@@ -343,6 +345,7 @@ def test_refusals(ask, told):
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("name", "count"), [("delta", 10), ("linear_delta", 4), ("orthoglide", 4)])
 def test_a_platform_that_only_shifts_has_no_moments_to_tell(name, count):
     """Each arm has m c_x, m c_y and I about its motor, a slide its mass, and the platform its own.
@@ -407,6 +410,7 @@ def test_measured_positions_are_tracked_where_a_kept_row_vanishes():
     assert state.at(-1)["root_2"] + state.at(-1)["elbow_2"] > np.pi / 2
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("name", "count"), [("andrews", 10), ("bricard", 19)])
 def test_the_number_of_base_parameters_hangs_on_no_seed_and_no_order(name, count):
     """Of mechanisms of one freedom the last ones are small near the reference: 8 or 9, and 17 to

@@ -47,6 +47,7 @@ def by_differences(robot, state, forces, h=1e-6):
     return np.hstack(slopes)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "name", first(4, ["prr3", "stewart", "flyball_governor", "four_bar", "five_bar", "delta"])
 )
@@ -66,6 +67,7 @@ def test_it_is_the_slope_of_the_forward_dynamics_in_motion(name):
     assert not model.B[:n].any() and not model.D.any()
 
 
+@pytest.mark.long
 def test_shifts_of_a_turning_body_change_by_its_turn_too():
     """Rates wx, wy, wz are no derivatives of coordinates: xi = S^+ (q_near - q) followed over time
     by differences."""

@@ -43,6 +43,7 @@ def leg_of(name):
     return leg, leg.tree()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("plugin", "name"),
     [
@@ -75,6 +76,7 @@ def test_without_the_callback_the_tree_moves_otherwise(tmp_path):
     assert abs(engine.forward(state, 1.0) - wanted).max() > 0.1 * abs(wanted).max()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("plugin", [False, pytest.param(True, marks=needs_compiler)])
 @pytest.mark.parametrize("name", ["floating knee", "ankle of rods that spin"])
 def test_a_run_of_the_tree_is_that_of_the_robot(name, plugin, tmp_path):
@@ -93,6 +95,7 @@ def test_a_run_of_the_tree_is_that_of_the_robot(name, plugin, tmp_path):
     assert engine.data.qpos == pytest.approx(wanted, abs=1e-7)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("plugin", [False, pytest.param(True, marks=needs_compiler)])
 @pytest.mark.parametrize("solver", ["mjSOL_NEWTON", "mjSOL_PGS"])
 def test_constraints_of_the_engine_feel_the_inertia_of_the_loops(plugin, solver, tmp_path):

@@ -81,6 +81,7 @@ def hexagon(radius, half):
 LEGGED = {"rrr3": rrr3, "five_bar": five_bar, "delta": delta, "rrs": upright, "hexapod": hexapod}
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", LEGGED)
 def test_the_index_falls_as_the_sine_of_all_knees(name):
     near = [(knee, singularity(*LEGGED[name](knee))) for knee in KNEES]

@@ -65,6 +65,7 @@ def upu(base=BASE, top=TOP):
     )
 
 
+@pytest.mark.long
 def test_a_3_upu_shifts_by_the_lengths_of_its_legs():
     robot = upu()
     assert robot.mobility == 3 and robot.task == ("x", "y", "z") and robot.notes == ()
@@ -88,6 +89,7 @@ def test_a_3_upu_shifts_by_the_lengths_of_its_legs():
     assert len(assembly_modes(robot)) >= 2
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("count", "half"), [(21, 0.3), (40, 0.5), (61, 0.3)])
 def test_a_3_upu_works_up_to_where_its_platform_may_turn(count, half):
     """Where the directions that hold the platform lie in one plane, over the circle through its
@@ -142,6 +144,7 @@ def wrist(task, *axes):
     return lw.Robot(carrier.model_copy(update=made))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("task", "axes", "modes"),
     [

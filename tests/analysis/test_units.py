@@ -66,6 +66,7 @@ def test_a_parallel_robot_is_held_vibrates_and_yields_the_same(L, M):
     )
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("units", "led"), sampled(SCALES, [("five_bar", None), ("rpr3", (0.5, 0.3, 0.9))])
 )
@@ -157,6 +158,7 @@ def test_a_cart_reaches_two_pendulums_unless_they_are_alike(length, expected, dr
     assert model.controllable is (expected or len(driven) == 2)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("units", "name"),
     sampled([(1e-6, 1e-6, 1e4), (1e6, 1e6, 1e-4), (1e-6, 1.0, 1e-4)], ["five_bar", "rpr3"]),

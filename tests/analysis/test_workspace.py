@@ -112,6 +112,7 @@ def test_straight_ways_from_the_guess_lead_where_no_neighbour_does():
     np.testing.assert_array_equal(workspace(robot, axes).reachable.values.ravel(), expected)
 
 
+@pytest.mark.long
 def test_parts_that_hang_together_with_the_guess_nowhere_are_told_and_mapped_from_there():
     """A 3-RRS, whose legs share a stage, reaches three parts beside the one that holds home."""
     sizes = 0.204, 0.177, 0.135, 0.227
@@ -416,6 +417,7 @@ def delta_reached(robot, axes, sizes):
         return held[1:] / held[0] > 0
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "sizes", [(0.24, 0.058, 0.236, 0.662, 0.795), (0.31, 0.11, 0.21, 0.84, 0.82)]
 )

@@ -34,6 +34,7 @@ def task(robot):
     return tasks.second_of_motion(robot, samples=51)
 
 
+@pytest.mark.long
 def test_terms_agree_with_forty_digits():
     """M, C v, G, forces and accelerations in ten states over the workspace, gravity in the
     plane."""
@@ -121,6 +122,7 @@ def test_interleaved_times_count_items():
     assert (seconds["a"] > 0).all()
 
 
+@pytest.mark.long
 def test_engines_solve_the_same_task(robot, task):
     """Pinocchio, MuJoCo, Exudyn and SciPy end near the reference, each within what its method can
     do."""

@@ -53,6 +53,7 @@ def test_both_charts_are_timed_on_the_same_motions(platform):
     assert np.allclose(found[0][:, columns], found[1][:, columns], rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.long
 def test_the_ladder_grows_linearly_and_swings_as_published():
     section = ladder.run(loops=(2, 4, 6), a02=3, rounds=1)
     found = values(section.figures)
@@ -65,6 +66,7 @@ def test_the_ladder_grows_linearly_and_swings_as_published():
     json.dumps(section.raw)
 
 
+@pytest.mark.long
 def test_trees_are_compiled_and_timed_beside_pinocchio():
     growth = pytest.importorskip("benchmarks.growth", reason=engines_needed)
     section = growth.run(counts=(3, 14), limbs=(1, 2), loops=3, rounds=1)
@@ -81,6 +83,7 @@ def test_exported_c_is_measured_beside_the_kernel():
     json.dumps(section.raw)
 
 
+@pytest.mark.long
 def test_exudyn_converges_to_the_motion_of_andrews_squeezer():
     """Both come near the reference: Exudyn by the second order of its steps, Linkwork to its
     tolerance."""
@@ -144,6 +147,7 @@ def test_interleaved_takes_names_of_any_kind():
     assert list(seconds) == [("a", 1)]
 
 
+@pytest.mark.long
 def test_derivatives_agree_with_pinocchio_and_are_timed():
     gradients = pytest.importorskip("benchmarks.gradients", reason=engines_needed)
     section = gradients.run(rounds=1, robots={"prr3": 6.0})

@@ -82,6 +82,7 @@ def test_changes_of_chart_are_timed_beside_a_run_without_any():
     json.dumps(section.raw)
 
 
+@pytest.mark.long
 def test_steppers_of_both_engines_are_timed():
     section = stepper.run(rounds=1, robots=16, stack=1024)
     assert len(listed(section)) == 12
@@ -89,6 +90,7 @@ def test_steppers_of_both_engines_are_timed():
     json.dumps(section.raw)
 
 
+@pytest.mark.long
 def test_environments_are_timed():
     section = learning.run(rounds=1, robots=16, steps=3)
     assert len(listed(section)) == 5
@@ -109,6 +111,7 @@ def test_scipy_ends_near_the_run(robot):
         assert done.nfev > 10
 
 
+@pytest.mark.long
 def test_the_ensemble_stands_beside_rollouts_and_loops():
     ensemble = pytest.importorskip("benchmarks.ensemble", reason="the engines are not installed")
     sizes = ensemble.Sizes(
@@ -131,6 +134,7 @@ def test_the_ensemble_stands_beside_rollouts_and_loops():
     json.dumps(section.raw)
 
 
+@pytest.mark.long
 def test_computed_torque_leads_the_sliders_however_it_is_called():
     """With the exact model the error obeys e'' + kd e' + kp e = 0, critically damped: e = e_0
     (1 + w t) exp(-w t)."""
@@ -173,6 +177,7 @@ def test_the_governor_moves_as_its_closed_form():
     json.dumps(section.raw)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["planar", *["linkage", "hexapod"] * WHOLE])
 def test_all_hands_end_near_references_that_share_nothing_with_the_library(name):
     trajectories = pytest.importorskip(
@@ -206,6 +211,7 @@ def test_a_map_has_as_many_poses_as_it_says():
     assert 0.02 < section.raw["reached"] < 0.98
 
 
+@pytest.mark.long
 def test_calls_at_one_state_are_timed_for_both_robots():
     section = calls.run(rounds=1, states=4, stack=16)
     assert len(values(section.figures)) == 8
@@ -229,6 +235,7 @@ def test_a_drag_keeps_the_loops_closed():
     json.dumps(section.raw)
 
 
+@pytest.mark.long
 def test_the_report_is_weighed(monkeypatch):
     seeing = pytest.importorskip(
         "benchmarks.seeing", reason="the viewer or the engines are not installed"

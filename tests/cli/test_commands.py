@@ -24,6 +24,7 @@ def test_the_list_of_robots_is_the_catalogue():
     assert max(map(len, result.output.splitlines())) <= 80
 
 
+@pytest.mark.long
 def test_export_writes_a_file_that_is_the_same_robot(tmp_path):
     path = tmp_path / "robot.yaml"
     assert call("export", "prr3", path).exit_code == 0

@@ -76,6 +76,7 @@ def test_a_controller_leads_a_run_along_a_path_from_its_beginning(motion):
     assert max(off["most"] for off in wrong["off_goal"].values()) > 1e-4
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("tabled", [False, True])
 def test_paths_of_many_turns_are_led_along(tabled, tmp_path):
     """Between the samples that there are at least, too."""

@@ -25,6 +25,7 @@ def run(*words, code=None):
     return finished(*(("-c", code) if code else ("-m", "linkwork")), *words)
 
 
+@pytest.mark.long
 def test_a_refusal_is_one_line_on_stderr_and_status_2():
     result = run("info", "nobody.yaml")
     assert result.returncode == 2
@@ -33,6 +34,7 @@ def test_a_refusal_is_one_line_on_stderr_and_status_2():
     assert "Traceback" in run("info", "nobody.yaml", "--debug").stderr
 
 
+@pytest.mark.long
 def test_info_loads_no_heavy_packages():
     result = run("info", "prr3", "--json", code=PROBE)
     assert json.loads(result.stdout)["mobility"] == 3
@@ -47,6 +49,7 @@ def test_help_loads_hardly_anything():
         assert f"'{package}'" not in result.stderr.splitlines()[-1]
 
 
+@pytest.mark.long
 def test_the_views_load_matplotlib_only_to_draw():
     assert (
         run(code="import sys, linkwork.views; print('matplotlib' in sys.modules)").stdout
@@ -54,6 +57,7 @@ def test_the_views_load_matplotlib_only_to_draw():
     )
 
 
+@pytest.mark.long
 def test_warnings_are_one_sentence_each(tmp_path):
     (tmp_path / "file").touch()
     with_cache = {**os.environ, "LINKWORK_CACHE_DIR": str(tmp_path / "file" / "cache")}
@@ -63,6 +67,7 @@ def test_warnings_are_one_sentence_each(tmp_path):
     assert result.stderr.count("\n") == 1
 
 
+@pytest.mark.long
 def test_letters_that_the_output_does_not_hold_are_escapes(tmp_path):
     mechanism = lw.robots.pendulum().model_dump()
     hinge = mechanism["joints"].pop("hinge_1")
@@ -75,6 +80,7 @@ def test_letters_that_the_output_does_not_hold_are_escapes(tmp_path):
     assert "Übertrager" in str(json.loads(data.stdout))
 
 
+@pytest.mark.sample(3)
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is full")
 @pytest.mark.parametrize("words", [("--help",), ("--version",), ("info", "--help"), ("robots",)])
 def test_an_output_that_takes_nothing_is_refused(words):
@@ -86,6 +92,7 @@ def test_an_output_that_takes_nothing_is_refused(words):
     assert result.stderr == "linkwork: no space left on device\n"
 
 
+@pytest.mark.long
 def test_an_output_that_nobody_reads_to_its_end_is_no_error():
     with python("-m", "linkwork", "info", "prr3") as process:
         assert process.stdout and process.stderr

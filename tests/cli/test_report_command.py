@@ -21,6 +21,7 @@ def saved(tmp_path):
     )
 
 
+@pytest.mark.long
 def test_a_saved_run_is_enough(saved, tmp_path):
     out = tmp_path / "report.html"
     result = call("report", saved, "--out", out)
@@ -31,6 +32,7 @@ def test_a_saved_run_is_enough(saved, tmp_path):
     assert call("report", saved, "--out", out, "--overwrite").exit_code == 0
 
 
+@pytest.mark.long
 def test_a_run_that_does_not_hold_its_mechanism_is_looked_up_or_told(saved, tmp_path):
     bare = xarray.load_dataset(saved)
     del bare.attrs["description"]
@@ -43,6 +45,7 @@ def test_a_run_that_does_not_hold_its_mechanism_is_looked_up_or_told(saved, tmp_
     assert call(*words, "--overwrite").exit_code == 0
 
 
+@pytest.mark.sample(10)
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
@@ -65,6 +68,7 @@ def test_what_is_refused(words, sentence, saved, tmp_path, monkeypatch):
     assert not list(tmp_path.glob("*.html"))
 
 
+@pytest.mark.long
 def test_the_film_of_a_report_shows_another_run(saved, tmp_path):
     out = tmp_path / "both.html"
     assert call("report", saved, "--over", saved, "--out", out).exit_code == 0

@@ -3,6 +3,7 @@
 import ctypes
 
 import numpy as np
+import pytest
 
 import linkwork as lw
 from linkwork.control import PD, joined
@@ -38,6 +39,7 @@ def test_both_ways_agree_with_loops_trees_and_controllers(monkeypatch):
         np.testing.assert_allclose(columns, written, rtol=1e-10, atol=1e-10 * abs(written).max())
 
 
+@pytest.mark.long
 def test_a_large_tree_runs_by_the_stiff_method():
     """Six hinges, damped; the explicit method of order 8 is the other way."""
     robot = lw.Robot(hinges(6))

@@ -19,6 +19,7 @@ def circle(turns: int, samples: int) -> lw.Motion:
     return built("prr3").follow(path, 5.0, samples=samples)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("turns", [1, 20])
 @pytest.mark.parametrize("each", [5, 10, 20, 40])
 def test_a_goal_is_the_motion_or_is_warned_of(turns, each):

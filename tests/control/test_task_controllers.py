@@ -73,6 +73,7 @@ def require_second_order(e, kp=KP, kd=KD):
     np.testing.assert_allclose(left, 0, atol=2e-9)
 
 
+@pytest.mark.sample(1)
 def test_with_an_exact_model_errors_are_of_second_order(robot):
     """To a pose, and after a moving goal that is a cubic in time, which its samples tell
     exactly."""
@@ -97,6 +98,7 @@ def test_with_an_exact_model_errors_are_of_second_order(robot):
     require_second_order([goal[0], 0.1 * np.cos(2.0), 0.1 * np.sin(2.0)] - held)
 
 
+@pytest.mark.long
 def test_a_motion_is_followed_by_its_states_and_gains_are_by_coordinate():
     robot = lw.Robot("stewart")
     home = robot.task_values(robot.home)
@@ -130,6 +132,7 @@ def test_a_goal_may_change_between_runs(law):
             np.testing.assert_allclose(found.final.positions, wanted.final.positions, atol=1e-9)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("robot", [name for name in RUN if name != "pointing"], indirect=True)
 def test_forces_of_the_pull_are_the_slope_of_its_potential(robot):
     """u - g is minus the derivative of e' Kp e / 2 by the actuated coordinates, whatever the gains;
@@ -164,6 +167,7 @@ def test_forces_of_the_pull_are_the_slope_of_its_potential(robot):
     np.testing.assert_allclose(pull, -np.array(slope), 1e-6, 1e-6)
 
 
+@pytest.mark.long
 def test_the_pull_comes_to_rest_at_its_goal():
     robot = lw.Robot("par4")
     goal = robot.task_values(robot.home) + np.array([0.05, -0.03, 0.04, 0.4])

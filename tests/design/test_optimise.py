@@ -73,6 +73,7 @@ def test_a_drive_gets_as_stiff_as_masses_allow():
     assert found.after == pytest.approx(np.sqrt(800 / 1.5) / (2 * np.pi), rel=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["orthoglide", *["rrs3"] * WHOLE])
 def test_frequencies_that_are_lowest_together_are_raised_together(name):
     """Symmetric robots have two or three lowest ones."""
@@ -87,6 +88,7 @@ def test_frequencies_that_are_lowest_together_are_raised_together(name):
     assert found.after > 1.05 * found.before
 
 
+@pytest.mark.long
 def test_frequencies_that_become_lowest_together():
     """An upright 3-PRR: where links and masses are best two frequencies are one, and a scan around
     finds nothing better."""
@@ -99,6 +101,7 @@ def test_frequencies_that_become_lowest_together():
     assert not better_beside(robot, numbers, stiff, found, 0.02)
 
 
+@pytest.mark.long
 def test_poses_that_come_to_lie_on_other_branches_are_taken_up_again():
     """The same measure over a workspace: IPOPT alone ends on another branch of some pose."""
     robot = built("prr3")
@@ -127,6 +130,7 @@ def better_beside(robot, numbers, measure, found, step):
     return better
 
 
+@pytest.mark.long
 def test_what_points_is_judged_by_where_it_points():
     """Azimuth and tilt are led as tilt (cos azimuth, sin azimuth), and judged alike: the optimum is
     at an end, as a scan tells."""

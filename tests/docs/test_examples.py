@@ -31,6 +31,7 @@ def called(line):
         assert result.exit_code == 0, f"{line}: {result.output}"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "page", named(page for page in PAGES if BLOCK.search(page.read_text(encoding="utf-8")))
 )

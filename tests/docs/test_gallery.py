@@ -15,6 +15,7 @@ gallery = script("gallery")
 EXAMPLES = gallery.examples()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("example", [pytest.param(path, id=path.stem) for path in EXAMPLES])
 def test_an_example_runs_and_draws_its_picture(example, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -10,6 +10,7 @@ import pytest
 from tests.processes import PATIENCE, finished
 
 ROOT = Path(__file__).parents[2]
+pytestmark = pytest.mark.long  # each asks for the whole site
 
 
 @pytest.fixture(scope="module")

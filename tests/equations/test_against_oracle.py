@@ -111,6 +111,7 @@ def sample(request):
     return Sample.of(CASES[request.param](), 1)
 
 
+@pytest.mark.sample(4)
 def test_the_state_is_closed_and_its_rates_belong_to_it(sample):
     residuals = sample.oracle.residuals(sample.poses)
     assert max(np.abs(residual).max(initial=0) for residual in residuals.values()) < 1e-12
@@ -133,6 +134,7 @@ def test_accelerations_under_actuator_forces(sample):
     )
 
 
+@pytest.mark.sample(5)
 def test_inverse_after_forward_dynamics(sample):
     """M v' + C v + G - f = S' u, whether there are as many actuators as freedoms or not."""
     v_dot = sample.values("motion", sample.u)["accelerations"]
@@ -145,6 +147,7 @@ def test_inverse_after_forward_dynamics(sample):
     close(S, sample.maps()[0][actuated], 1e-12)
 
 
+@pytest.mark.sample(4)
 def test_energy_and_inertia(sample):
     """T = v' M v / 2, and with it M itself: M_ij from the energies of unit rates, one and two at a
     time."""

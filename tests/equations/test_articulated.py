@@ -22,6 +22,7 @@ KINDS = {  # how many bodies, and their joints over and over
 }
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", KINDS)
 def test_inverse_dynamics_gives_the_forces_back(kind):
     """The inverse dynamics knows neither M nor articulated inertias."""
@@ -82,6 +83,7 @@ def test_no_motion_has_more_inertia_than_its_bound():
         assert (np.diag(M.reshape(len(own), -1)) <= own * (1 + 1e-12)).all()
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("apart", [(0.0,), (1e-17,), (1e-9,), (1e-9, 1e-9, 1e-9, 1e-9)])
 def test_motions_that_move_no_mass_are_refused_in_large_trees_too(apart):
     """Hinges on nearly one axis with bodies without mass between, beside a chain of twelve."""

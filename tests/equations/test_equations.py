@@ -37,6 +37,7 @@ def case(request):
     return equations, LagrangeOracle(mechanism), q_all, q, v
 
 
+@pytest.mark.sample(6)
 def test_forward_and_inverse_dynamics(case):
     equations, oracle, q_all, q, v = case
     u = np.random.default_rng(1).normal(size=v.size)

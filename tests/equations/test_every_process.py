@@ -5,6 +5,8 @@ import hashlib
 import os
 from pathlib import Path
 
+import pytest
+
 from linkwork.equations import derive, functions
 from linkwork.kernels import cache
 from linkwork.kernels.emit import FUNCTIONS, module_text
@@ -31,6 +33,7 @@ def written() -> str:
     return f"{digests} {homes} {cache.key(f.serialize(), this_machine().identity)}"
 
 
+@pytest.mark.long
 def test_equations_and_code_are_the_same_in_every_process():
     here = written()
     seed = "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"

@@ -148,6 +148,7 @@ def hung(rng: np.random.Generator, body: str, p: np.ndarray, R: np.ndarray):
     yield f"free {body}", FreeJoint(connects=("ground", outer)), [*p, *pairs.quaternion(R)]
 
 
+@pytest.mark.long
 @every_kind
 @few
 @random_frames
@@ -278,6 +279,7 @@ def test_a_flipped_frame_is_told_from_one_that_agrees(kind, connects, seed):
     assert alignment < -0.9
 
 
+@pytest.mark.sample(10)
 @pytest.mark.parametrize("kind", IN_TREE)
 @pytest.mark.parametrize("backwards", [False, True], ids=["forwards", "backwards"])
 @few

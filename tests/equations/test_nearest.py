@@ -86,6 +86,7 @@ def sprung(mechanism: Mechanism, name: str) -> Mechanism:
     )
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("name", "joint"),
     [

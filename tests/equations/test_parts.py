@@ -229,6 +229,7 @@ def test_independent_rates_are_the_preferred_ones_as_far_as_they_determine_the_m
         assert choose_independent(locked, (0, 1, 3)) == (2,)
 
 
+@pytest.mark.long
 def test_rates_that_no_row_holds_are_chosen_beside_the_others():
     """With columns of zeros the choice among the others is the one without them, in the same order;
     of thousands of rates that nothing holds it takes no longer than their number asks."""

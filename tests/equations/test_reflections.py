@@ -52,6 +52,7 @@ def test_the_least_singular_value(rows, columns, dependent):
         assert least_singular(A, rank + 1) is None
 
 
+@pytest.mark.long
 def test_a_large_ladder_is_judged_by_its_least_singular_value():
     """Above 300 rows no dense decomposition is made; with a redundant row it is the same value."""
     equations = derive(n_four_bar(160))

@@ -42,6 +42,7 @@ def at_random(equations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return equations.reference, *(random.normal(size=equations.mobility) for _ in range(2))
 
 
+@pytest.mark.sample(2)
 def test_it_is_inverse_dynamics(case):
     mechanism, equations, linear, inverse_dynamics = case
     q, v, dv = at_random(equations)
@@ -59,6 +60,7 @@ def test_it_is_inverse_dynamics(case):
     close(Y @ pi + out["rest"], M @ dv + terms["Cv"] + terms["G"] - terms["f"], 1e-11)
 
 
+@pytest.mark.sample(3)
 def test_it_does_not_depend_on_masses_and_friction(case):
     mechanism, equations, linear, inverse_dynamics = case
     body = next(iter(mechanism.bodies))

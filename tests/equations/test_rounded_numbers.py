@@ -81,6 +81,7 @@ def gap(mechanism: Mechanism, positions: np.ndarray) -> float:
     return max(float(np.abs(part).max(initial=0)) for part in residuals.values())
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", EXACT)
 def test_six_decimals_have_the_mobility_and_the_accelerations_of_all_digits(name):
     exact, decimal = pair(name)
@@ -128,6 +129,7 @@ ROUGH = {
 }
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", first(4, tuple(ROUGH)))
 def test_six_decimals_and_a_rough_reference_go_together(name):
     """The gap is that of numbers rounded by 5e-7 each, which add up around the loop; the freedoms

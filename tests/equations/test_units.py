@@ -26,6 +26,7 @@ def described(name):
     return RANDOM[name] if name in RANDOM else getattr(lw.robots, name)()
 
 
+@pytest.mark.sample(7)
 @pytest.mark.parametrize(("factors", "name"), sampled(SCALES, CASES))
 def test_what_is_derived_does_not_depend_on_the_units(factors, name):
     mechanism = described(name)

@@ -38,6 +38,7 @@ def samples(robot: Robot, count: int = SAMPLES) -> dict[str, np.ndarray]:
     }
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", SAMPLE)
 def test_c_gives_the_numbers_of_the_kernels(name, tmp_path):
     """Also near singular configurations, where roundings of another order would show."""
@@ -74,6 +75,7 @@ def test_long_programs_are_short_functions_that_compilers_leave_apart():
     assert not lengths("prr3")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("processor", PROCESSORS)
 @pytest.mark.parametrize("name", ABROAD)
 def test_other_processors_give_the_numbers_of_the_kernels(name, processor, tmp_path):
@@ -117,6 +119,7 @@ def has(robot: Robot, function: str) -> bool:
     return not undriven and (function != "jacobian" or bool(robot.task))
 
 
+@pytest.mark.long
 def test_c_gives_what_the_robot_does(tmp_path):
     """Through the public calls, at home and in motion."""
     robot = built("delta")
@@ -145,6 +148,7 @@ def test_the_jacobian_is_that_of_the_tool(name, tmp_path):
     np.testing.assert_allclose(found.reshape(expected.shape), expected, rtol=1e-13, atol=1e-13)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("with_compiler", ["gcc", "clang", "tcc", "zig"])
 def test_compilers_have_nothing_to_say(with_compiler, tmp_path):
     command = compiler(with_compiler)
@@ -157,6 +161,7 @@ def test_compilers_have_nothing_to_say(with_compiler, tmp_path):
         run([*command, *flags, "-c", tmp_path / f"{export.name}.c", "-o", tmp_path / "one.o"])
 
 
+@pytest.mark.long
 def test_the_source_is_c_plus_plus_too(tmp_path):
     command = compiler("g++")
     if not command:

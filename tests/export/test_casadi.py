@@ -84,6 +84,7 @@ def expected(robot, state, u, dv):
     return found
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("name", "chart"),
     [(name, "home") for name in [*ROBOTS, "geared loop with a rod"]]

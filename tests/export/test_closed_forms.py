@@ -55,6 +55,7 @@ def differences(robot: lw.Robot, forms: ClosedForms, seed: int = 3) -> dict[str,
     return worst
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("name", "symbols"), CASES)
 def test_closed_forms_are_the_kernels(name, symbols):
     robot = lw.Robot(name)
@@ -63,6 +64,7 @@ def test_closed_forms_are_the_kernels(name, symbols):
     assert max(worst.values()) < 1e-12, worst
 
 
+@pytest.mark.long
 def test_the_loop_equations_of_the_paper():
     """phi_1, phi_4 and phi_5 of its appendix, with the terms that are misprinted there put right
     (`docs/the-paper.md`): P by leg 1 is P by leg 2, and by leg 3."""
@@ -122,6 +124,7 @@ def test_free_numbers_are_symbols_and_may_change():
     np.testing.assert_allclose(found["Cv"], other.coriolis(state), rtol=1e-11)
 
 
+@pytest.mark.long
 def test_screws_rotors_and_skew_frames():
     """A screw carries an arm by a skew hinge with a rotor; nothing is exact or aligned."""
     part = Inertia(xx=0.02, yy=0.03, zz=0.025, xy=0.001, xz=-0.002, yz=0.003)
@@ -146,6 +149,7 @@ def test_screws_rotors_and_skew_frames():
         assert max(worst.values()) < 1e-12, worst
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["prr3", "spatial_slider_crank"])
 def test_latex_is_well_formed(name):
     """Lines of all equations, every so many, are set by mathtext; braces and environments close."""
@@ -202,6 +206,7 @@ def test_any_name_fits_into_the_module():
     assert made["__doc__"].startswith(f"{name}: equations")
 
 
+@pytest.mark.long
 def test_refusals(monkeypatch):
     prr3 = lw.Robot("prr3")
     for wrong, sentence in (

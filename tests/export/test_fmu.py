@@ -65,6 +65,7 @@ def simulated(file, kind: str, duration: float, tolerance: float, **values: floa
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "version"),
     [
@@ -96,6 +97,7 @@ def test_simulations_are_those_of_runs(name, version, folder):
             assert found["closure_error"].max() < 1e-12
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("version", ["3.0", "2.0"])
 def test_charts_change_by_events(version, folder):
     """A crank that turns on past its dead centres: the co-simulation and the model exchange follow
@@ -128,6 +130,7 @@ def test_charts_change_by_events(version, folder):
     assert changes >= 5
 
 
+@pytest.mark.long
 def test_states_whose_quaternions_are_no_longer_unit_ones_have_a_motion(folder):
     """Solvers step off them to find their own Jacobian: in the robot's own rates, and in others."""
     mechanism = rubbed().mechanism
@@ -182,6 +185,7 @@ def test_directional_derivatives_are_exact(name, folder):
     assert worst_tangent(one) < 1e-6
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["prr3", "bennett"])
 def test_reactions_are_those_of_the_robot(name, folder):
     """In a plane and in a loop that has more constraints than it needs, where the least wrenches
@@ -206,6 +210,7 @@ def cam() -> lw.Mechanism:
     return lift().mechanism
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("described", [tiny, cam, *[MIXED["platform on rods"]] * WHOLE])
 def test_reactions_where_short_levers_hold_and_where_gears_bend(described, folder):
     """Equations that have pivots of 1e-5; a gear with powers."""
@@ -234,6 +239,7 @@ def test_derivatives_hold_the_linearised_motion(folder):
     np.testing.assert_allclose(found[len(expected) :], 0.0, atol=1e-6)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("version", ["3.0", "2.0"])
 def test_states_are_saved_restored_and_written(version, folder):
     file = fmus.built(export(built("five_bar"), version), folder)
@@ -282,6 +288,7 @@ def test_instances_know_nothing_of_each_other_and_begin_again(folder):
     assert one.get(name)[0] == first
 
 
+@pytest.mark.long
 def test_free_numbers_are_tuned(folder):
     """A mass that is set before the start, a length that is set on the way: the loops close again,
     and the motion is that of the other robot."""
@@ -323,6 +330,7 @@ def lengths(name: str) -> list[str]:
     return [f"{next(reversed(joints))}.frames.0.position.x"]
 
 
+@pytest.mark.long
 def test_derivatives_along_parameters(folder):
     robot = built("five_bar").free("gravity.y", *lengths("five_bar"))
     one = Instance(
@@ -380,6 +388,7 @@ def test_motions_begin_at_joints_or_at_the_tool(folder):
         assert one.said[0].startswith(said)
 
 
+@pytest.mark.long
 def test_a_floating_body_begins_at_all_coordinates(folder):
     robot = top()
     file = fmus.built(export(robot), folder)
@@ -437,6 +446,7 @@ def test_what_cannot_be_set_is_refused_in_words(folder):
     assert one.said.pop() == "there is no number of this reference"
 
 
+@pytest.mark.long
 def test_numbers_that_no_description_holds_are_refused_in_words(folder):
     robot = built("prr3").free("platform.mass", "platform.com.x")
     one = Instance(fmus.built(export(robot), folder), me=False)

@@ -47,6 +47,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("fmus")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("version", ["3.0", "2.0"])
 def test_simulations_are_those_of_runs_with_drives(version, folder):
     """Also the states of drives at the end, and their units."""
@@ -73,6 +74,7 @@ def test_simulations_are_those_of_runs_with_drives(version, folder):
     assert units["der(drive.slide_1.current)"] == "A/s"
 
 
+@pytest.mark.long
 def test_charts_change_with_drives(folder):
     """A motor turns a crank on past its dead centres, where the rate of the slider says nothing."""
     robot = crank()
@@ -86,6 +88,7 @@ def test_charts_change_with_drives(folder):
         np.testing.assert_allclose(positions, run.final.positions, atol=close)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("robot", [platform, crank])
 def test_directional_derivatives_with_drives_are_exact(robot, folder):
     """Of all derivatives and outputs along commands and states, beside differences; of the crank in
@@ -133,6 +136,7 @@ def leave_own_chart(one: Instance) -> None:
     raise AssertionError("no dead centre")
 
 
+@pytest.mark.long
 def test_forces_are_inputs_where_no_drives_are_given(folder):
     plain = export(platform(), drives=None)
     assert "force.slide_1" in plain.variables and "drive.slide_1.current" not in plain.variables

@@ -75,6 +75,7 @@ def test_zig_builds_for_other_platforms(platform):
     assert b"fmi2DoStep" in content and b"lw_" not in content
 
 
+@pytest.mark.long
 def test_a_missing_compiler_is_named(monkeypatch):
     monkeypatch.setattr(binaries, "find_spec", lambda name: None)
     with pytest.raises(

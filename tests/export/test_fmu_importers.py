@@ -36,6 +36,7 @@ def arm(*tools: str) -> bool:
     return all(map(shutil.which, tools)) and find_spec("ziglang") is not None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("command", "emulator", "platform"),
     [

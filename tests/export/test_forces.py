@@ -31,6 +31,7 @@ def ball() -> lw.Mechanism:
     return lw.Mechanism(gravity=(0.0, 0.0, -9.81), reference={"free.z": 0.0996}, **parts)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     "mechanism",
     [

@@ -20,6 +20,7 @@ def library(robot: Robot, folder, functions, **options) -> Library:
     return Library(robot, lw.export.c(robot, functions, **options), folder)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["prr3", "delta", "puma560", "five_bar"])
 def test_kinematics_is_that_of_the_robot(name, tmp_path):
     robot = built(name)
@@ -105,6 +106,7 @@ def run(own: Library, robot: Robot, state: lw.State, u, dt: float, steps: int, *
     return moving
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["prr3", "delta", "double_pendulum", "four_bar"])
 def test_steps_are_those_of_runs(name, tmp_path):
     robot = built(name)
@@ -159,6 +161,7 @@ def three_cranks() -> lw.Robot:
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("make", "rate", "duration"), [(lambda: built("rrs3"), 0.0, 0.3), (three_cranks, 4.0, 0.9)]
 )
@@ -176,6 +179,7 @@ def test_steps_do_not_pass_over_where_branches_meet(make, rate, duration, tmp_pa
         assert status == SINGULAR and ends.time[-1] - dt < moving.t < ends.time[-1]
 
 
+@pytest.mark.long
 def test_steps_go_on_close_by_a_singular_pose(tmp_path):
     """Where the smallest singular value of the constraints is 0.4 % of that at home, as a run."""
     robot = built("rrs3")
@@ -293,6 +297,7 @@ def test_what_is_struck_in_the_middle_of_a_step_is_struck(tmp_path):
     assert abs(moving.q[0] - (0.1 + 3.0 * 0.6 - 9.81 * 0.18)) > 0.01
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("precision", ["double", "float"])
 def test_a_linkage_strikes_its_stops_as_in_runs(precision, tmp_path):
     """A four-bar that swings to and fro between stops."""

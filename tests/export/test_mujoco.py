@@ -89,6 +89,7 @@ def test_the_softness_is_mujocos_own_at_one():
     assert soft == pytest.approx(100 * stiff, rel=0.05)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("seed", "kinds", "bound"),
     [
@@ -131,6 +132,7 @@ def test_mujoco_runs_on_from_a_state():
     assert max(abs(q[name] - run.final[name]) for name in q) < 1e-5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", RODS)
 def test_robots_with_rods_move_alike(name):
     """In motion, too: MuJoCo leaves out how a tendon's constraint turns; links have none."""

@@ -34,6 +34,7 @@ def written(folder, **options) -> list:
     return [folder / f"{export.name}_selftest.c", folder / f"{export.name}.c"]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "options", [{}, {"precision": "float"}, {"precision": "float", "sines": "libm"}]
 )
@@ -64,6 +65,7 @@ def test_mathematics_without_rules_is_refused(flag, tmp_path):
         run([*compiler("gcc"), flag, "-c", sources[1], "-o", tmp_path / "one.o"])
 
 
+@pytest.mark.long
 def test_cmake_and_pkg_config_find_it(tmp_path):
     if not (shutil.which("cmake") and shutil.which("pkg-config")):
         pytest.skip("cmake or pkg-config is not installed")
@@ -90,6 +92,7 @@ def test_cmake_and_pkg_config_find_it(tmp_path):
     np.testing.assert_allclose([*map(float, found)], expected, rtol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("processor", PROCESSORS)
 def test_other_processors_find_the_same_numbers(processor, tmp_path):
     """The same bits as on this machine, for what the self-test prints are differences."""
@@ -107,6 +110,7 @@ def test_other_processors_find_the_same_numbers(processor, tmp_path):
     assert told[0] == told[1]
 
 
+@pytest.mark.long
 def test_zig_compiles_it_for_other_processors(tmp_path):
     if not compiler("zig"):
         pytest.skip("zig is not installed")
@@ -143,6 +147,7 @@ def test_sines_of_floats(tmp_path):
             assert (np.abs(found - exact) / ulp).max() < 2
 
 
+@pytest.mark.long
 def test_floats_are_near_doubles(tmp_path):
     robot = built("delta")
     single = Library(robot, lw.export.c(robot, ["motion"], precision="float"), tmp_path)

@@ -106,6 +106,7 @@ def test_they_stay_with_the_mechanism_in_files_and_runs(tmp_path):
     assert "caveats" not in lw.Robot(lw.robots.prr3()).mechanism.text
 
 
+@pytest.mark.long
 def test_commands_print_them_and_strict_refuses_them(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     name = model(tmp_path).name

@@ -68,6 +68,7 @@ def mujoco_accelerations(path, values):
     return {name: data.joint(name).qacc[0] for name in values}
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("tie", TIES)
 def test_equalities_of_tendons_of_cables_are_gears_of_lengths(tie, tmp_path):
     path, mechanism = read(tie, tmp_path)
@@ -182,6 +183,7 @@ def pulling(robot, path, state, tension):
     return free, free.state(values, rates), forces
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("tie", TIES)
 @pytest.mark.parametrize("rubbing", [False, True], ids=["", "rubbing"])
 def test_wrenches_in_joints_are_those_of_forces_along_the_cables(tie, rubbing, tmp_path):
@@ -236,6 +238,7 @@ def test_a_boom_on_a_rope_by_hand():
     assert found["hinge"] == pytest.approx(wanted, abs=1e-12)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("rods", [0, 3])
 def test_ropes_bear_a_platform(rods):
     """m (a - g) and the moment of what is there are brought by ropes, and rods, which is all that

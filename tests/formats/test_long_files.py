@@ -82,6 +82,7 @@ def calls(path):
     return count
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", LONG)
 def test_the_work_of_reading_grows_with_the_length(name, tmp_path):
     path, counts = tmp_path / name, []
@@ -99,6 +100,7 @@ def nested_defaults(n):
     return f"<mujoco><default>{''.join(kinds)}{'</default>' * n}</default><worldbody/></mujoco>"
 
 
+@pytest.mark.long
 def test_nested_defaults_take_no_more_memory_than_they_hold(tmp_path):
     path = tmp_path / "model.xml"
     path.write_text(nested_defaults(120))

@@ -80,6 +80,7 @@ def moves_apart(path):
     return apart(lw.Robot(load(path).mechanism), MuJoCoSide(path))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("body", BODIES)
 def test_frames_of_free_bodies_are_put_into_their_axes(body, tmp_path):
     path = written(tmp_path, body=BODIES[body])
@@ -89,6 +90,7 @@ def test_frames_of_free_bodies_are_put_into_their_axes(body, tmp_path):
     assert moves_apart(path) < (1e-7 if single else 1e-10)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("alignfree", ["true", "false"])
 @pytest.mark.parametrize("own", ["true", "false", "auto"])
 @pytest.mark.parametrize("child", ["", CHILD], ids=["", "carrying"])

@@ -90,6 +90,7 @@ def difference(path):
     return worst
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("name", ATTACHED)
 def test_attached_models_move_as_mujocos(name, tmp_path):
     assert difference(written(tmp_path, ATTACHED[name])) < 1e-9

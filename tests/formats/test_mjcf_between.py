@@ -32,6 +32,7 @@ SEEN = """
  gainprm="2"/>"""
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("actuators", [CRANKS, SEEN])
 def test_controls_do_what_they_do_in_mujoco(actuators, tmp_path):
     path, again = tmp_path / "arm.xml", tmp_path / "again.xml"

@@ -133,6 +133,7 @@ fullinertia="0.001 0.002 0.0025 0.0001 0.0002 0.0003"/>',
 }
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("parts", SAME.values(), ids=SAME)
 def test_it_moves_as_in_mujoco(parts, tmp_path):
     path = written(tmp_path / "model.xml", **parts)

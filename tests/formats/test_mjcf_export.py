@@ -81,6 +81,7 @@ def by_joint(path, robot, state, forces, softness):
     return {name: data.joint(name).qacc[0] for name in names}
 
 
+@pytest.mark.sample(7)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_mujoco_gives_the_accelerations_up_to_its_softness(name, tmp_path):
     mechanism, rng = getattr(lw.robots, name)(), np.random.default_rng(1)
@@ -112,6 +113,7 @@ def test_mujoco_gives_the_accelerations_up_to_its_softness(name, tmp_path):
     assert errors[1] < 2 * STIFFER * errors[0] + SOLVER
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", [*ROBOTS, "bricard", "stewart"])
 def test_reading_back_gives_the_same_joints_and_the_same_motion(name, tmp_path):
     mechanism, rng = getattr(lw.robots, name)(), np.random.default_rng(2)
@@ -234,6 +236,7 @@ def check_in_mujoco(name, moving):
     assert errors[1] < 1e-3
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", RANDOM)
 def test_every_kind_of_joint_in_mujoco(name):
     check_in_mujoco(name, moving=True)
@@ -244,6 +247,7 @@ def test_rods_in_mujoco_at_rest(name):
     check_in_mujoco(name, moving=False)
 
 
+@pytest.mark.sample(7)
 @pytest.mark.parametrize("name", [*RANDOM, *RODS])
 def test_every_kind_of_joint_read_back(name, tmp_path):
     mechanism, text, placed, twists, forces, accelerations = exported(name)

@@ -31,6 +31,7 @@ def written(tmp_path, flags, sd="0 0", more=""):
     return path
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize(
     "flags",
     ["", "spring", "damper", "spring damper", "equality", "constraint", "gravity", "limit"],

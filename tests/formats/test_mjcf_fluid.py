@@ -55,6 +55,7 @@ def test_axes_that_cannot_be_known_are_told(tmp_path):
     assert "<body 'b'> has equal moments of inertia" in caveat
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     "shape",
     [

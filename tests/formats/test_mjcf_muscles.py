@@ -77,6 +77,7 @@ def general(tmp_path):
     return path
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("which", ["cables", "chain", "general"])
 def test_muscles_pull_as_in_mujoco(which, request, tmp_path):
     path = request.getfixturevalue(which)

@@ -103,6 +103,7 @@ actuators: [wire, fan]
     assert force == pytest.approx([0, 0, 1.5 * 9.81 - 3 - 4])
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("led", ["", "inside", "beside", "from_elsewhere"])
 @pytest.mark.parametrize("kind", ["sphere", "cylinder"])
 def test_a_cable_round_a_surface_has_the_length_that_mujoco_gives_it(kind, led):
@@ -275,6 +276,7 @@ def bent(tmp_path, tendon="", equality=""):
     return path
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize(
     "given", ["-0.6", "-0.6 -0.2", "-0.5 0.3", "-1", "-1 -1", "-2", "0.2", "0"]
 )

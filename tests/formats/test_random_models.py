@@ -13,6 +13,7 @@ from tests.formats.random_models import Mjcf, Sdf, Urdf
 NEAR = 1e-9
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("seed", range(20))
 def test_mjcf_moves_as_in_mujoco(seed, tmp_path):
     path = tmp_path / "model.xml"
@@ -22,6 +23,7 @@ def test_mjcf_moves_as_in_mujoco(seed, tmp_path):
     assert side.apart(load(path).mechanism, path, seed) < NEAR
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("seed", range(10))
 def test_sdf_moves_as_what_it_says_plainly(seed, tmp_path):
     path, drawn = tmp_path / "model.sdf", Sdf(seed)
@@ -30,6 +32,7 @@ def test_sdf_moves_as_what_it_says_plainly(seed, tmp_path):
     assert side.apart(load(path).mechanism, drawn.plainly(), seed) < NEAR
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("seed", range(10))
 def test_urdf_moves_as_in_pinocchio(seed, tmp_path):
     """Mimics hold there by the projection of M a = f on the motions that they leave."""

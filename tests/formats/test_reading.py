@@ -186,6 +186,7 @@ def test_references_that_mean_nothing_are_refused(reference, words, tmp_path, mo
         load(written(tmp_path, samples.URDF), reference=reference)
 
 
+@pytest.mark.long
 def test_commands_let_roots_float_and_look_into_packages(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     written(tmp_path, samples.URDF)

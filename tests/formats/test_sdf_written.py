@@ -15,6 +15,7 @@ from linkwork.mechanism import Limits, MechanismError, Spring
 from tests.formats.test_urdf_written import arm, difference, turning
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     "name", ["prr3", "slider_crank", "bennett", "spatial_slider_crank", "agile_wrist", "stewart"]
 )

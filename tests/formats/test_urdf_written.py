@@ -69,6 +69,7 @@ def standing(name: str) -> Mechanism:
     return mechanism.model_copy(update={"gravity": EARTH})
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     "name", ["prr3", "slider_crank", "bennett", "spatial_slider_crank", "agile_wrist", "stewart"]
 )
@@ -79,6 +80,7 @@ def test_what_is_written_is_read_as_the_same_robot(name, tmp_path):
     assert difference(robot, other) < 1e-9
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize(
     "name", ["prr3", "four_bar", "bennett", "spatial_slider_crank", "agile_wrist", "stewart"]
 )

@@ -145,6 +145,7 @@ def test_what_stands_behind_the_end_of_the_root_is_passed_over_and_told(tmp_path
     assert not load(path).notes
 
 
+@pytest.mark.long
 def test_mending_takes_time_by_the_length_of_the_file(tmp_path):
     path = tmp_path / "model.xml"
     for start in ("<!--", " ", "&", '="', "<?xml "):
@@ -225,6 +226,7 @@ def garbled(text):
             element.set(name, value)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", samples.MODELS)
 def test_garbled_models_are_read_or_refused(name, tmp_path):
     path = tmp_path / name

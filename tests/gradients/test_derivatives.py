@@ -89,6 +89,7 @@ def test_forces_of_more_actuators_than_freedoms():
         near(found.by_accelerations[:, k], difference(lambda s, unit=unit: forces(da=s * unit)))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["prr3", "rrs3", *["stewart"] * WHOLE])
 def test_stacks_are_their_states(name):
     robot = built(name)

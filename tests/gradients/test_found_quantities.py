@@ -18,6 +18,7 @@ from tests.gradients.test_runs import CART, FIXED, GAINS, TIGHT, derivative, led
 from tests.robot.mixed_freedoms import three_legs
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "freed", "shift"),
     [
@@ -68,6 +69,7 @@ def test_conditioning_where_all_directions_are_alike():
     assert "conditioning" not in run.sensitivity(to="rates")
 
 
+@pytest.mark.long
 def test_work_of_controllers_and_friction():
     """By differences of the same steps, at samples within them; the adjoint beside the tangents."""
     robot = lw.Robot("prr3").free("platform.mass")

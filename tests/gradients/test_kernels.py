@@ -68,6 +68,7 @@ def near(
     return bool(np.abs(found - expected).max(initial=0.0) <= within * size)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", [*(name for name in SAMPLE if name != "n_four_bar"), *RANDOM])
 def test_dynamics_beside_complex_steps(name):
     equations, (q, v, p) = made(name)
@@ -107,6 +108,7 @@ def test_steps_and_gradients_are_those_of_the_jacobian(name, what):
         assert near(ours.ravel(), part.T @ weights, 1e-10)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["five_bar", "loop closed by a free joint", *["stewart"] * WHOLE])
 def test_every_chart_beside_complex_steps(name):
     """Dynamics and drift in the chart that has as many other rates as it can."""
@@ -128,6 +130,7 @@ def test_every_chart_beside_complex_steps(name):
     assert near(Gamma, dense(ca.DM(known)), least=1.0)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["prr3", "stewart", "rrs3"])
 def test_tool_and_joints_beside_complex_steps(name):
     """Poses turn by dR R' = [omega x]."""

@@ -138,6 +138,7 @@ SLIDES = ("slide_1", "slide_2", "slide_3")
 GAINS = {"kp": 20.0, "kd": 2.0}
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "law",
     [led, Sampler(led, rate=50, compiled=True), Sampler(led, rate=50, compiled=True, delay=0.04)],
@@ -150,6 +151,7 @@ def test_controllers_their_gains_and_masses(law):
         require_derivatives(robot, robot.home, law, duration=0.2, **options)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("samples", [None, 8])
 def test_symplectic_steps(samples):
     """q moves by the new rates: within steps, through a controller's states and a sampled force."""
@@ -175,6 +177,7 @@ def test_symplectic_steps(samples):
     assert found.value == pytest.approx(run["joint_rate"].values[:-1, 0] @ steps, rel=1e-12)
 
 
+@pytest.mark.long
 def test_steps_that_are_chosen_are_differentiated_to_the_tolerance():
     robot = lw.Robot("prr3")
     for asked in ({}, {"samples": 5}, {"method": "dop853"}, {"method": "dormand_prince"}):
@@ -185,6 +188,7 @@ def test_steps_that_are_chosen_are_differentiated_to_the_tolerance():
         )
 
 
+@pytest.mark.long
 def test_changes_of_chart_lengths_gains_and_calls_together():
     """The crank turns once while the rocker's rate is the first independent one."""
     robot = lw.Robot(lw.robots.four_bar(), independent=["rocker_pivot"])
@@ -210,6 +214,7 @@ def test_changes_of_chart_lengths_gains_and_calls_together():
     assert run.attrs["charts"].count(";") == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["rrs3", *["stewart"] * WHOLE])
 def test_spatial_loops_and_their_tool(name):
     robot = built(name)
@@ -226,6 +231,7 @@ TUMBLING = lw.Mechanism(
 )
 
 
+@pytest.mark.long
 def test_gears_and_free_turns():
     """Rates, forces and a mass of a floating tree, whose coordinates hold a quaternion."""
     mechanism, rng = (

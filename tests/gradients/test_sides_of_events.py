@@ -28,6 +28,7 @@ ACCURATE = (1e-6, 1e-9, 1e-12)
 WAYS = [(None, each) for each in ACCURATE] + [("dormand_prince", 1e-7), ("rodas", 1e-8)]
 
 
+@pytest.mark.sample(13)
 @pytest.mark.parametrize(("method", "rtol"), WAYS)
 @pytest.mark.parametrize("a", [0.5, 0.47, 0.3])
 def test_a_loss_that_jumps_where_stages_fall_behind_the_event(method, rtol, a):
@@ -49,6 +50,7 @@ def test_a_loss_that_jumps_where_stages_fall_behind_the_event(method, rtol, a):
     assert found["rates.rail"] == pytest.approx(-3 * slope, rel=30 * rtol + 1e-9)
 
 
+@pytest.mark.sample(12)
 @pytest.mark.parametrize(("method", "rtol"), WAYS)
 @pytest.mark.parametrize("a", [0.5, 0.47, 0.3])
 def test_a_loss_that_bends_where_stages_fall_behind_the_event(method, rtol, a):
@@ -92,6 +94,7 @@ def test_a_loss_that_jumps_where_the_run_ends(method, rtol):
     assert found["rates.rail"] == pytest.approx(2 * slope, rel=30 * rtol + 1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("place", [0.764, 0.766, 0.77])
 @pytest.mark.parametrize("own", [{}, {"method": "rodas"}])
 def test_a_loss_that_jumps_is_that_of_the_times_at_which_it_does(place, own):
@@ -128,6 +131,7 @@ def test_a_way_to_a_break_has_few_parts_however_much_the_motion_bends(bend):
     assert (found >= np.minimum(before / 2, stray) * (1 - 1e-9)).all()
 
 
+@pytest.mark.long
 def test_a_load_that_a_jump_of_forces_turns_round_does_so_at_its_time():
     """The friction of a slider-crank's bearings has its kinks when the held force jumps, not when
     their loads would pass zero: by differences."""
@@ -170,6 +174,7 @@ def test_a_load_that_turns_round_with_a_law_wants_the_law_s_own_event():
     assert found["rates.motor"] == pytest.approx(1 / N, rel=1e-8)
 
 
+@pytest.mark.sample(15)
 @pytest.mark.parametrize("duration", [1.02, 1.05, 1.15, 2.0])
 @pytest.mark.parametrize(
     "own", [{}, {"rtol": 1e-6, "atol": 1e-8}, {"method": "dop853"}, {"method": "rodas"}]

@@ -93,6 +93,7 @@ def test_tangents_adjoints_and_integrals_are_those_of_the_same_steps_in_forty_di
             assert [*own, found[name]] == pytest.approx(exact, rel=1e-11, abs=1e-13), name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("law", "samples"), [(led, None), (Sampler(led, rate=100, compiled=True, delay=0.02), 5)]
 )
@@ -143,6 +144,7 @@ def test_stiff_steps_up_to_an_event():
 # Forces given by samples
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", ["spline", "linear", "hold"])
 @pytest.mark.parametrize("method", [{"method": "rk4", "step": 0.005}, STIFF | TIGHT])
 def test_values_of_sampled_forces(kind, method):

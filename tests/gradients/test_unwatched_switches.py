@@ -40,6 +40,7 @@ def paid(robot, places, watched, duration=1.0, **own):
 PLACES = [LAST - 1e-2, LAST - 1e-6, LAST + 1e-6, LAST + 1e-2]
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("own", ADAPTIVE)
 @pytest.mark.parametrize("near", PLACES)
 def test_another_switch_near_an_event_is_not_left_out(near, own):

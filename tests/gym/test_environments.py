@@ -38,11 +38,13 @@ def actions(envs, steps: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-1.5, 1.5, (steps, *envs.action_space.shape))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", READY)
 def test_a_registered_environment_passes_the_check(name):
     check_env(gymnasium.make(name).unwrapped)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("name", "mode"), sampled(tuple(READY), tuple(AutoresetMode)))
 def test_many_do_what_gymnasium_makes_of_single_ones(name, mode):
     """Gymnasium's own vector of single environments is the standard, for each way to begin
@@ -93,6 +95,7 @@ def test_seeds_give_the_same_episodes_whoever_runs_beside():
     assert (again.reset()[0] != again.reset()[0]).any()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("name", "mode"), sampled(tuple(READY), tuple(AutoresetMode)[:2]))
 def test_blocks_of_lanes_do_what_one_does(name, mode):
     """Where as many robots as lanes stand side by side, as where a single one fills them up."""
@@ -276,6 +279,7 @@ REFUSED = [
 ]
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize(("call", "sentence"), REFUSED)
 def test_what_does_not_fit_is_refused_before_anything_happens(call, sentence):
     envs = Environments(reaching(), 2)

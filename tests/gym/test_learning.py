@@ -13,6 +13,7 @@ from tests.processes import finished
 FOLDER = Path(__file__).parents[2] / "examples" / "learning"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "steps", "rows", "least"), [("by_gradients", 1920, 4, 85), ("ppo", 32768, 1, 60)]
 )

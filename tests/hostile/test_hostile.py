@@ -17,6 +17,7 @@ EVERY = os.environ.get("LINKWORK_HOSTILE") == "all"
 CASES = [*cases()] if EVERY else [*cases(SAMPLED, 3)]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "case",
     [pytest.param(one, marks=pytest.mark.xdist_group(one.subject)) for one in CASES],

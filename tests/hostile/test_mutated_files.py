@@ -19,6 +19,7 @@ ALL = os.environ.get("LINKWORK_HOSTILE") == "all"
 FIRST = range(0, FILES, AT_ONCE) if ALL else range(1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("first", FIRST)
 def test_mutated_files_are_read_or_refused(first):
     last = first + (AT_ONCE if ALL else SAMPLE)

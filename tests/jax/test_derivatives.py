@@ -23,6 +23,7 @@ def bars(double) -> JaxModel:
     return model_of("four_bar")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", LOOPS)
 def test_along_coordinate_rates_they_are_the_robot_s(name):
     """By small steps of what is independent, of rotations as well, loops closed."""
@@ -58,6 +59,7 @@ def test_closed_is_differentiated_by_free_lengths():
     np.testing.assert_allclose(slope, (ahead - back) / 2e-6, rtol=1e-6, atol=1e-7)
 
 
+@pytest.mark.long
 def test_gradients_of_rollouts_and_scans_are_differentiable(bars):
     """By differences of gradients."""
     forces = jnp.array([[0.5], [-1.0], [2.0]])
@@ -81,6 +83,7 @@ def test_gradients_of_rollouts_and_scans_are_differentiable(bars):
         np.testing.assert_allclose(found.reshape(3, 3, 1), told, rtol=1e-5, atol=1e-7)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("derivative", "rate", "h"),
     [(jax.grad, 100.0, 0.05), (jax.jacfwd, 20.0, 0.2), (jax.hessian, 20.0, 0.2)],

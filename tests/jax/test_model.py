@@ -59,6 +59,7 @@ def states(name: str, count: int = 4) -> tuple[lw.State, np.ndarray]:
 LOOPS = ["five_bar", "rrs3", *["prr3"] * WHOLE]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", LOOPS)
 def test_forward_and_inverse_dynamics_are_the_robot_s(name):
     robot, model = robot_of(name), model_of(name)
@@ -74,6 +75,7 @@ def test_forward_and_inverse_dynamics_are_the_robot_s(name):
     np.testing.assert_allclose(forces, u, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["five_bar", "spatial_slider_crank", *["rrs3"] * WHOLE])
 def test_derivatives_to_second_order_are_those_of_differences(name):
     model = model_of(name)
@@ -82,6 +84,7 @@ def test_derivatives_to_second_order_are_those_of_differences(name):
     check_grads(jax.jit(model.forward_dynamics), given, 2, rtol=1e-4, atol=1e-4)
 
 
+@pytest.mark.long
 def test_inverse_dynamics_and_the_tool_are_differentiable_twice():
     model = model_of("five_bar")
     state, u = states("five_bar")
@@ -90,6 +93,7 @@ def test_inverse_dynamics_and_the_tool_are_differentiable_twice():
     check_grads(jax.jit(model.tool_pose), given[:1], 2, rtol=1e-4, atol=1e-4)
 
 
+@pytest.mark.long
 def test_forward_reverse_and_hessian_agree():
     """Both modes, each way of making a Hessian, and one state or many."""
     model = model_of("prr3")
@@ -116,6 +120,7 @@ def test_the_derivative_by_forces_is_the_inverse_of_the_inertia():
     np.testing.assert_allclose(jax.vmap(model.mass_matrix)(state.q), M, rtol=1e-12)
 
 
+@pytest.mark.long
 def test_gradients_by_independent_coordinates_go_through_closed():
     """By differences of poses that the robot assembles itself."""
     robot, model = robot_of("prr3"), model_of("prr3")
@@ -143,6 +148,7 @@ def test_gradients_by_independent_coordinates_go_through_closed():
     np.testing.assert_allclose(np.moveaxis(second, -1, 0), ahead, rtol=1e-5, atol=1e-5)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", [*LOOPS, "stewart"])
 def test_closed_gives_closed_loops(name):
     robot, model = robot_of(name), model_of(name)
@@ -153,6 +159,7 @@ def test_closed_gives_closed_loops(name):
     np.testing.assert_allclose(P @ P, P, atol=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "off"), [("prr3", 1e-11), ("rrs3", 1e-7)])
 def test_a_rollout_is_a_run_of_simulate(name, off):
     """Runs of the 3-RRS are in the rates of its platform: there the method's error is another."""
@@ -169,6 +176,7 @@ def test_a_rollout_is_a_run_of_simulate(name, off):
     np.testing.assert_allclose(each[0][0], q, rtol=0, atol=1e-12)
 
 
+@pytest.mark.long
 def test_a_step_is_differentiable_twice():
     """By the state, the forces and the length of the step, together."""
     model = model_of("five_bar")
@@ -187,6 +195,7 @@ def test_a_step_is_differentiable_twice():
     np.testing.assert_allclose(bend(x), second, rtol=1e-5, atol=1e-6)
 
 
+@pytest.mark.long
 def test_the_gradient_of_a_rollout_is_that_of_simulate():
     robot, model = robot_of("prr3"), model_of("prr3")
     state, u = states("prr3")
@@ -204,6 +213,7 @@ def test_the_gradient_of_a_rollout_is_that_of_simulate():
     np.testing.assert_allclose(slope, ahead, rtol=1e-6)
 
 
+@pytest.mark.long
 def test_free_numbers_are_arguments():
     """The derivative by a mass and a length, which moves the loops."""
     robot = lw.Robot("prr3").free("platform.mass")
@@ -257,6 +267,7 @@ def test_singular_poses_and_open_loops_are_told():
         jax.block_until_ready(found)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("make", [with_a_hand, open_chain])
 def test_closed_refuses_numbers_that_are_in_no_loop(make):
     robot = make()
@@ -270,6 +281,7 @@ def test_closed_refuses_numbers_that_are_in_no_loop(make):
     assert np.linalg.matrix_rank(jax.jacfwd(model.closed)(model.q), tol=1e-9) == robot.mobility
 
 
+@pytest.mark.long
 def test_bad_arguments_get_a_sentence():
     model = model_of("prr3")
     state, u = states("prr3")

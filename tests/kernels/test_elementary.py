@@ -62,6 +62,7 @@ def sine_and_cosine(machine: Machine, x: np.ndarray) -> np.ndarray:
     )
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(("machine", "bound"), MACHINES)
 @pytest.mark.parametrize("points", POINTS)
 def test_errors_in_units_in_the_last_place(machine: Machine, bound: float, points: str):

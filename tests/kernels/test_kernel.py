@@ -28,6 +28,7 @@ def assert_close(found: np.ndarray, expected: np.ndarray) -> None:
     np.testing.assert_allclose(found, expected, rtol=RELATIVE, atol=RELATIVE)
 
 
+@pytest.mark.sample(16)
 @pytest.mark.parametrize("name", UNARY)
 def test_every_operation_of_one_number(name: str):
     x = ca.SX.sym("x")
@@ -36,6 +37,7 @@ def test_every_operation_of_one_number(name: str):
     _compare(f, points[:, None])
 
 
+@pytest.mark.sample(14)
 @pytest.mark.parametrize("name", BINARY)
 def test_every_operation_of_two_numbers(name: str):
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
@@ -53,6 +55,7 @@ def _compare(f: ca.Function, *points: np.ndarray) -> None:
     np.testing.assert_allclose(one_by_one, expected, rtol=RELATIVE, atol=0)
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("seed", range(25))
 def test_random_graphs_agree_with_casadi(seed: int):
     f = random_function(seed)
@@ -199,6 +202,7 @@ def test_angles_that_depend_on_other_angles(count: int, far: int | None):
             assert_close(one, expected)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", first(1, range(3)))
 def test_large_functions_agree_with_casadi(seed: int, monkeypatch: pytest.MonkeyPatch):
     """Their sections are functions; the truths, constants, inputs and sines of one are used in

@@ -53,6 +53,7 @@ def aligned(*shape: int) -> np.ndarray:
     return memory[start : start + int(np.prod(shape))].reshape(shape)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "kind"), sampled(tuple(MACHINES), tuple(FUNCTIONS)))
 def test_vectors_are_spilled_to_an_aligned_stack(large: Program, name: str, kind: Kind):
     """Whatever a machine is, the same attribute of all functions says so."""
@@ -74,6 +75,7 @@ def test_code_for_one_state_has_no_vectors_of_8_which_slow_down_single_numbers(a
     assert "ymm" in one and "zmm" not in one
 
 
+@pytest.mark.long
 def test_a_constant_is_kept_once_for_all_lanes_where_instructions_broadcast_it(large: Program):
     broadcasts, sizes = [], []
     for machine in (AVX2, AVX512):
@@ -84,6 +86,7 @@ def test_a_constant_is_kept_once_for_all_lanes_where_instructions_broadcast_it(l
     assert sizes[1] < sizes[0]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(HERE.lanes < 4, reason="this machine cannot run code for AVX2")
 def test_narrower_vectors_give_the_same_bits(large: Program):
     states = np.random.default_rng(3).normal(size=(16, large.n_in))

@@ -44,6 +44,7 @@ def inputs(copies: int = COPIES) -> np.ndarray:
     return np.random.default_rng(4).normal(size=2 * copies)
 
 
+@pytest.mark.long
 def test_equal_steps_are_one_part():
     program = simplify(trace(chain()))
     plan = planned(program, 4)
@@ -58,6 +59,7 @@ def test_equal_steps_are_one_part():
     )
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("odd", [None, 0, ODD])
 def test_sections_of_a_repeating_program_give_its_results(odd):
     program = simplify(trace(chain(odd=odd)))
@@ -87,6 +89,7 @@ def test_calls_hold_the_arguments_of_each():
                         assert part.place(call, a) == k
 
 
+@pytest.mark.long
 def test_kernels_with_parts_give_the_results_of_every_step():
     f = chain()
     kernel = compile_function(f)

@@ -95,6 +95,7 @@ def test_sections_in_turn_give_the_programs_results(short, seed: int, angles_in_
         )
 
 
+@pytest.mark.long
 def test_a_large_program_is_compiled_in_pieces_and_a_small_one_is_not():
     machine = this_machine()
     for operations, pieces in ((60, 0), (5000, 10)):

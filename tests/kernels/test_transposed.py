@@ -17,6 +17,7 @@ AVX2 = Machine(HERE.triple, HERE.cpu, HERE.features.replace("+avx512", "-avx512"
 MACHINES = {machine.lanes: machine for machine in (SSE, AVX2, HERE)}
 
 
+@pytest.mark.sample(50)
 @pytest.mark.parametrize("lanes", sorted(MACHINES))
 @pytest.mark.parametrize("n", [*range(1, 18), 23, 40])
 def test_rows_become_columns_and_rows_again(lanes, n):

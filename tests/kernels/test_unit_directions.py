@@ -25,6 +25,7 @@ def along(columns: int, *others: int) -> tuple[ca.Function, ca.Function]:
     )
 
 
+@pytest.mark.sample(12)
 @pytest.mark.parametrize("columns", [1, 2, 7, 8, 9, 40])
 @pytest.mark.parametrize("others", [(), (3,), (1, 0, 2)])
 def test_columns_are_those_of_the_jacobian(columns: int, others: tuple[int, ...]):

@@ -44,6 +44,7 @@ def functions(rows: int, turns: int = 1) -> tuple[ca.Function, ca.Function]:
     return jacobian, gradient
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("rows, turns", [(1, 1), (2, 1), (3, 2), (4, 1), (5, 1), (9, 3), (17, 1)])
 def test_rows_are_those_of_the_jacobian(rows, turns):
     jacobian, gradient = functions(rows, turns)

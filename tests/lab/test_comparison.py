@@ -22,6 +22,7 @@ BOUNDS = {"exudyn": (2e-5, 2e-3), "pinocchio": (5e-9, 5e-8), "mujoco": (5e-8, 5e
 """Of positions [m] and of accelerations [m/s^2], at steps of 1 ms."""
 
 
+@pytest.mark.long
 def test_forward_dynamics_undoes_inverse_dynamics(comparison):
     found = largest_differences(comparison.robot, comparison[PRESCRIBED], comparison[NOC])
     assert found["tool", "m"] < 1e-9

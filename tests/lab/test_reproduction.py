@@ -26,6 +26,7 @@ def html(comparison, drawn):
     return reproduction.render(comparison, drawn)
 
 
+@pytest.mark.long
 def test_the_page_is_self_contained_and_small(html):
     page = Reader(html)
     assert page.open == []
@@ -98,6 +99,7 @@ def test_an_engine_that_fails_is_reported_and_loses_nothing(robot, monkeypatch):
     assert reproduction.absent(found)["Exudyn"] == "exudyn is ill"
 
 
+@pytest.mark.long
 def test_the_command_without_engines_writes_everything(tmp_path, monkeypatch):
     monkeypatch.setattr(engines, "available", lambda: ())
     result = CliRunner(env={"COLUMNS": "80"}).invoke(

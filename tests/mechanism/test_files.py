@@ -45,6 +45,7 @@ reference:
 """
 
 
+@pytest.mark.long
 @settings(max_examples=25 if WHOLE else 10, deadline=None, suppress_health_check=list(HealthCheck))
 @given(mechanisms())
 def test_round_trip_of_any_mechanism(mechanism):

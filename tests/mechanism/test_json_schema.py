@@ -41,6 +41,7 @@ def test_every_field_is_described():
                 assert content.get("description"), f"{name}.{field}"
 
 
+@pytest.mark.long
 @settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
 @given(mechanisms())
 def test_saved_files_satisfy_it(mechanism):
@@ -51,6 +52,7 @@ def test_saved_files_satisfy_it(mechanism):
         )
 
 
+@pytest.mark.sample(19)
 @pytest.mark.parametrize("name", robots.__all__)
 def test_files_of_the_catalogue_satisfy_it_and_give_the_robot_back(tmp_path, name):
     mechanism = getattr(robots, name)()

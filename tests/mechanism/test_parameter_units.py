@@ -55,6 +55,7 @@ def test_freedoms_that_slide_and_those_that_turn_are_told_apart():
     assert unit_of_parameter(mechanism, "c.rotor_inertia.angle") == "kg m^2"
 
 
+@pytest.mark.long
 def test_reports_and_notebooks_tell_them(tmp_path):
     robot = built("pendulum")
     free = robot.free(f"{robot.bodies[0]}.mass")

@@ -39,6 +39,7 @@ def rail():
     return slide()
 
 
+@pytest.mark.long
 def test_a_slide_is_driven_bang_bang_and_coasts_at_its_speed_limit(rail):
     way = {"x": 0.0}, {"x": WAY}
     assert duration(rail, *way, force=FORCE) == pytest.approx(
@@ -52,6 +53,7 @@ def test_a_slide_is_driven_bang_bang_and_coasts_at_its_speed_limit(rail):
 SMOOTH = motions.AxisLimits(speed=1.0, acceleration=2.0, jerk=9.0)
 
 
+@pytest.mark.long
 def test_paths_that_begin_and_end_at_rest_by_their_own_time_are_led_as_others(rail):
     """Their parameter is the time of an S-curve, whose first two derivatives vanish there."""
     path = motions.blended([{"x": 0.0}, {"x": WAY}], SMOOTH)
@@ -63,6 +65,7 @@ def test_paths_that_begin_and_end_at_rest_by_their_own_time_are_led_as_others(ra
     assert motions.follow(rail, quick).positions[-1] == pytest.approx([WAY], rel=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("blend", [0.3, 0.5])
 def test_a_blended_cycle_is_run_through_at_the_limits_of_two_slides(blend):
     """Its way is the same, and the forces are known from differences of the places."""
@@ -81,6 +84,7 @@ def test_a_blended_cycle_is_run_through_at_the_limits_of_two_slides(blend):
     assert max(off) < 1e-4
 
 
+@pytest.mark.long
 def test_corners_that_a_grid_does_not_tell_are_refused_and_told_by_a_finer_one():
     robot, force = crossed(), motions.ActuatorLimits(force=FORCE)
     points = [{"x": 0.0, "y": 0.0}, {"x": 0.6, "y": 0.0}]
@@ -113,6 +117,7 @@ def test_a_path_that_rests_at_its_corners_is_refused_by_their_place():
         motions.fastest(crossed(), path, motions.ActuatorLimits(force=FORCE))
 
 
+@pytest.mark.long
 def test_the_description_limits_the_speed():
     """What is given goes before it, and `follow` refuses what passes it."""
     robot, way = slide(limits={"speed": 1.5}), ({"x": 0.0}, {"x": WAY})
@@ -150,6 +155,7 @@ def test_a_passive_joint_keeps_to_its_limit_of_speed():
     assert duration(robot, {"x": 0.0}, {"x": WAY}, force=FORCE) == pytest.approx(coasting, rel=2e-5)
 
 
+@pytest.mark.long
 def test_a_slide_at_constant_power(rail):
     """m v dv/dt = P from v_1 = P / F on: way m (v^3 - v_1^3) / 3 P, time m (v^2 - v_1^2) / 2 P."""
     power, way = 3.0, ({"x": 0.0}, {"x": WAY})
@@ -162,6 +168,7 @@ def test_a_slide_at_constant_power(rail):
     assert 2 * found[1] - found[0] == pytest.approx(exact, rel=1e-4)
 
 
+@pytest.mark.long
 def test_viscous_friction_is_counted():
     drag = 1.5
     robot = slide(friction=lw.Friction(viscous=drag))
@@ -181,6 +188,7 @@ def test_viscous_friction_is_counted():
     assert last == pytest.approx(exact, rel=2e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("path", "force", "static", "jerk"),
     [
@@ -282,6 +290,7 @@ def test_a_linear_programme_finds_nothing_faster(way, monkeypatch):
     assert timed.duration == pytest.approx((2 / N / (rate[1:] + rate[:-1])).sum(), rel=1e-5)
 
 
+@pytest.mark.long
 def test_limits_hold_along_the_whole_motion_and_one_of_them_is_reached():
     robot = built("prr3")
     limits = motions.ActuatorLimits(force=5.0, speed=0.5, power=1.0, acceleration=[20.0] * 3)
@@ -305,6 +314,7 @@ def test_limits_hold_along_the_whole_motion_and_one_of_them_is_reached():
 NEAR = [[0.15, 0.445], [0.16, 0.45], [0.151, 0.44], [0.155, 0.455]]  # turned sharply through
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("name", "path", "limits"),
     [

@@ -119,6 +119,7 @@ def test_a_five_bar_between_elastic_motors():
     returned(robot, motions.follow(robot, way, samples=2001), 1e-7)
 
 
+@pytest.mark.long
 def test_links_led_beyond_a_fold_do_not_leap_to_another_assembly_mode():
     """Of a 3-RRS, whose platform falls where its motors go on beyond where they determine it."""
     described = lw.robots.rrs3()

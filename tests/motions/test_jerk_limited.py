@@ -13,6 +13,7 @@ from tests.motions.test_fastest import ANY, FORCE, MASS, WAY, WAYS, duration, sl
 LINE = {"x": 0.0}, {"x": WAY}
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "limits",
     [
@@ -73,6 +74,7 @@ def kept(robot, path, points=201, **limits):
     return timed, parts
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "path", "limits"),
     [
@@ -92,6 +94,7 @@ def test_limits_hold_everywhere_and_one_of_them_is_reached(name, path, limits):
     assert parts["jerk"].max() > 0.995
 
 
+@pytest.mark.long
 def test_the_law_tends_to_that_without_a_limit_of_jerk():
     robot, given = built("prr3"), {"force": 5.0, "speed": 0.4}
     least = motions.fastest(robot, WAYS["circle"], motions.ActuatorLimits(**given)).duration
@@ -102,6 +105,7 @@ def test_the_law_tends_to_that_without_a_limit_of_jerk():
     assert times[1] == pytest.approx(least, rel=2e-2)
 
 
+@pytest.mark.long
 def test_friction_is_counted():
     robot = slide(friction=lw.Friction(viscous=1.5, coulomb=0.3))
     path = motions.point_to_point(*LINE, ANY, law="quintic")
@@ -111,6 +115,7 @@ def test_friction_is_counted():
     assert timed.duration > duration(robot, *LINE, force=FORCE)
 
 
+@pytest.mark.long
 def test_a_path_that_rests_with_jerk_or_acceleration_keeps_its_knots():
     """Splines leave their ends as s^2 (degree 3) and s^3 (degree 5), and leap in their third or
     fifth derivative inside."""

@@ -62,6 +62,7 @@ def test_s_curves_keep_all_limits_whatever_these_are(drawn):
     assert ends(profile)[0, 1] == pytest.approx(distance, rel=1e-13)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     "limits", [(9, 2, 3), (0.4, 2, 30), (0.4, 9, 3), (9, 9, 3)], ids=["A", "V and A", "V", "J"]
 )

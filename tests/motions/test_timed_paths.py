@@ -143,6 +143,7 @@ def test_any_joints_that_determine_the_motion_may_be_led():
     assert run["joint_position"].values[-1] == pytest.approx(ahead.positions, abs=1e-6)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("law", ["quintic", "septic", "cycloidal"])
 @pytest.mark.parametrize(("count", "samples"), [(2, 2), (100, 1001)])
 def test_signals_are_the_path_however_many_points_it_has(law, count, samples):
@@ -344,6 +345,7 @@ def test_points_led_on_as_rotation_vectors_lead_no_other_angles():
             call()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("samples", [2, 201])
 def test_joints_led_beyond_a_fold_do_not_leap_to_another_assembly_mode(samples):
     """The motors of a 3-RRS go on beyond where they determine its platform: led in small steps it

@@ -21,6 +21,7 @@ def checked(path):
     return x
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("size", "orientation"), [(2, 0.3), (3, None), *[(2, None), (3, 0.3)] * WHOLE]
 )

@@ -70,6 +70,7 @@ def central(function, oracle, poses, twists, rates, h=1e-4):
     return (8 * (values[1] - values[-1]) - (values[2] - values[-2])) / (12 * h)
 
 
+@pytest.mark.sample(5)
 def test_rates_and_rows_are_derivatives_on_any_motion(case):
     """b and a, which the motion's own formulas give, are what finite differences of F t and A t
     leave over."""

@@ -102,6 +102,7 @@ def test_agrees_with_the_textbook_on_the_3prr():
         agree(textbook, oracle, q, rates, *rng.normal(size=(2, 3)))
 
 
+@pytest.mark.sample(7)
 @pytest.mark.parametrize("name", RANDOM)
 def test_agrees_with_the_textbook_on_random_mechanisms(name):
     mechanism = RANDOM[name]()
@@ -141,6 +142,7 @@ def agree(textbook, oracle, q, rates, accelerations, forces, tolerance=1e-11):
     )
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "mechanism", [prr3(), planar_loops(3, 2), spatial_loops(3)], ids=lambda m: m.name
 )

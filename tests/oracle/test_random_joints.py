@@ -28,6 +28,7 @@ def test_random_mechanisms_are_closed_and_repeatable(name):
     assert any(joint.connects[0] > joint.connects[1] for joint in mechanism.pairs.values())
 
 
+@pytest.mark.sample(20)
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(
     ("options", "mobility"),

@@ -44,6 +44,7 @@ def test_andrews_motion_meets_the_published_end_and_keeps_its_energy():
     assert np.allclose([andrews.closures(angles) for angles in q], 0, atol=1e-15)
 
 
+@pytest.mark.long
 def test_andrews_motion_is_converged():
     tight, loose = (andrews.motion([0.03], tolerance=tolerance)[0] for tolerance in (3e-14, 1e-12))
     assert np.max(abs(tight - loose)) < 1e-11

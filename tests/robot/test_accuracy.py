@@ -65,6 +65,7 @@ def test_errors_of_an_oscillator_at_every_saved_time(duration):
     assert errors.joint_position.dims == ("time", "coordinate")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("duration", [2.0, 20.0])
 def test_a_chaotic_motion_shows_how_its_errors_grow(duration):
     """Two uniform rods, against Lagrange's equations and another house's method."""

@@ -255,6 +255,7 @@ def test_a_slider_crank_moves_as_newton_and_euler_say_by_hand():
         assert abs(robot.inverse_dynamics(state, [found])[0] - torque) < 1e-9
 
 
+@pytest.mark.long
 def test_runs_keep_their_energy_and_members_run_as_they_do_alone():
     robot = slider_crank(rate=0.1)
     state = robot.home.with_rates([20.0])
@@ -270,6 +271,7 @@ def test_runs_keep_their_energy_and_members_run_as_they_do_alone():
     close(together.dataset["joint_rate"].values[:, -1], ends, 1e-12)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "name", first(3, ["spatial_slider_crank", "rrr3", "puma560", "linear_delta", "andrews"])
 )
@@ -428,6 +430,7 @@ def test_files_keep_bearings_and_mjcf_tells_that_it_leaves_them_out(tmp_path):
     assert any("main, pin, wrist, guide: the friction of bearings" in note for note in notes)
 
 
+@pytest.mark.long
 def test_runs_through_other_charts_and_free_numbers_have_the_same_friction():
     """Driven at the guide, a run passes the dead points in other charts; the coefficient may be
     free."""
@@ -447,6 +450,7 @@ def test_runs_through_other_charts_and_free_numbers_have_the_same_friction():
     assert smoother > freed.forward_dynamics(state, [0.1])[0] + 1
 
 
+@pytest.mark.sample(1)
 @pytest.mark.filterwarnings("ignore:redundant rows stay open")
 @pytest.mark.parametrize("noise", first(2, [1e-14, 1e-8, 1e-12, 1e-9]))
 def test_axes_that_are_parallel_but_for_rounding_leave_nothing_open_that_counts(noise):
@@ -503,6 +507,7 @@ def arm_of(base: Any = lw.FreeJoint) -> lw.Robot:
     return lw.Robot(lw.Mechanism(bodies=bodies, joints=joints, gravity=(0.0, -G, 0.0)))
 
 
+@pytest.mark.long
 def test_steps_end_where_what_a_slide_carries_across_its_axis_turns_round():
     """With these kinks within steps the balance is 6e-6 J off."""
     robot = arm_of()
@@ -518,6 +523,7 @@ def test_steps_end_where_what_a_slide_carries_across_its_axis_turns_round():
     assert abs(robot.reactions(ended.final, [], frame="first")["slide"][4]) < 1e-6
 
 
+@pytest.mark.long
 def test_derivatives_of_runs_over_kinks_of_friction_are_those_of_the_own_side():
     """Steps of the stiff method, which begin at the kink, would be 2 % off, others 1e-6."""
     robot = lw.Robot(arm_of(lw.FixedJoint).mechanism, free=("lower.mass",))
@@ -538,6 +544,7 @@ def test_derivatives_of_runs_over_kinks_of_friction_are_those_of_the_own_side():
         close(np.array([*back.values()]), found.sum(keepdims=True).ravel(), 1e-12)
 
 
+@pytest.mark.long
 def test_derivatives_where_a_bearing_carries_nothing_but_for_friction():
     """The thrust of the hip is that of the knee's friction alone: its size has no slope at the
     first of Newton's steps."""

@@ -229,6 +229,7 @@ def test_poses_thirty_lengths_away_are_reached_on_the_branch():
     np.testing.assert_allclose(stack["slide_1"], np.array(legs)[:, 0], atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:between the guess")
 def test_legs_of_thirty_lengths_are_assembled():
     robot, random = built("rpr3"), np.random.default_rng(0)

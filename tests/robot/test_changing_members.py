@@ -110,6 +110,7 @@ def test_neither_neighbours_nor_threads_change_a_bit_of_who_changes_charts(prr3,
     assert np.array_equal(whole.final.q[order[:3]], few.final.q)
 
 
+@pytest.mark.long
 def test_own_parameters_and_own_signals_go_from_chart_to_chart(never_alone):
     robot = lw.Robot(lw.robots.prr3()).free("platform.mass")
     masses, t = np.linspace(0.8, 1.4, 4), np.linspace(0.0, 1.0, 6)

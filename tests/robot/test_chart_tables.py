@@ -37,6 +37,7 @@ CASES = {
 RUN = first(5, tuple(CASES))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", RUN)
 def test_numbers_are_those_of_the_chart_s_own_kernels(case):
     """In the home chart and in one chosen elsewhere, at states near home that are a little open."""
@@ -73,6 +74,7 @@ def test_a_singular_inertia_is_not_finite():
     assert not np.isfinite(b).all()
 
 
+@pytest.mark.long
 def test_runs_by_tables_end_where_others_do(monkeypatch):
     """Nobody waits for kernels of charts on the way, and the results are the same each time."""
     mechanism, compiled = lw.robots.rrr3(), []
@@ -127,6 +129,7 @@ ACTED = {
 }
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("case", ACTED)
 def test_what_acts_is_that_of_the_chart_s_own_kernels(case):
     """Motion with what acts and events, in a chart that is told, beside those compiled for it."""
@@ -176,6 +179,7 @@ MEASURED = (
 )
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", ["controller", "drives", "sampled", "plain"])
 def test_runs_with_what_acts_are_the_same_by_tables(kind, monkeypatch):
     """States, accelerations, forces, energies and events, and no kernel is made for a chart."""
@@ -274,6 +278,7 @@ def in_lanes(address: int, x: np.ndarray, n_out: int) -> np.ndarray:
     return found.T
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", RUN)
 def test_states_side_by_side_are_as_each_alone(case):
     """To the last digit, with a singular state in one of the lanes; every entry."""
@@ -295,6 +300,7 @@ def test_states_side_by_side_are_as_each_alone(case):
         assert np.isnan(found[-1]).any()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("acted", [False, True])
 def test_ensembles_by_tables_are_those_of_compiled_charts(acted, monkeypatch):
     """Of members that go through many charts, none of which gets kernels of its own; events, too.
@@ -343,6 +349,7 @@ SLOPED = {name: (*CASES[name], False) for name in list(CASES)[:4]} | {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", SLOPED)
 def test_jacobians_are_those_of_the_chart_s_own_kernels(case):
     """df/dy and df/dr at states that are a little open; quaternions off their length, too."""
@@ -372,6 +379,7 @@ def test_jacobians_are_those_of_the_chart_s_own_kernels(case):
         )
 
 
+@pytest.mark.long
 def test_stiff_runs_by_tables_are_those_of_compiled_charts(monkeypatch):
     """From chart to chart, and no kernel is made for any of them."""
     found = []
@@ -402,6 +410,7 @@ def test_pivots_by_numbers_are_those_of_the_kernel(case):
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("frame", ["ground", "second"])
 @pytest.mark.parametrize("make", [lw.robots.rrr3, sticking])
 def test_reactions_by_tables_are_those_of_compiled_charts(make, frame, monkeypatch):

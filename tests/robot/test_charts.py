@@ -125,6 +125,7 @@ def test_a_chart_is_refused_where_it_is_singular_also_when_it_is_known_from_else
 # Runs
 
 
+@pytest.mark.long
 def test_runs_in_forced_charts_agree_to_the_tolerance():
     """A free five-bar passes its singular poses, whatever rates it starts in; the differences fall
     with the tolerance."""
@@ -168,6 +169,7 @@ def test_a_run_ends_when_it_is_asked_to_whatever_its_charts(duration):
     assert run.time[-1] == run.attrs["final_time"] == duration
 
 
+@pytest.mark.long
 def test_a_run_that_came_to_the_robot_s_own_rates_is_resumed_in_them():
     """Runs of the 3-RRS start in others: in these, the same steps would have other errors."""
     robot, step = built("rrs3"), 2.0**-9
@@ -245,6 +247,7 @@ def test_steps_that_close_loops_contract_quadratically_whatever_the_lengths_of_q
     assert gaps[1] < 10 * gaps[0] ** 2 and gaps[2] < 10 * gaps[1] ** 2 + 1e-15
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "rtol"), [("hexaglide", 1e-4), ("rrs3", 1e-6), ("stewart", 1e-6)])
 def test_loops_are_closed_where_a_run_ends_however_long_its_steps_are(name, rtol):
     """Also where the platform's turns follow from the legs, and steps change the length of its

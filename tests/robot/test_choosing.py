@@ -46,6 +46,7 @@ def held_by_a_rod(noise: float) -> lw.Mechanism:
     )
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("noise", [3e-15, -2e-14, 1e-13])
 def test_what_is_zero_up_to_rounding_determines_nothing(noise):
     """The rod does not hold the first hinge, whose turns move its ball by `noise` only: no chart
@@ -85,6 +86,7 @@ def determined(robot: lw.Robot, positions: np.ndarray, names: tuple[str, ...]) -
     return float(np.linalg.svd(np.vstack([rows.A, locked]), compute_uv=False)[-1])
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("name", "seed"), [("agile_wrist", 1), ("agile_wrist", 2), ("orthoglide", 2), ("delta", 4)]
 )

@@ -363,6 +363,7 @@ def test_files_hold_contacts(tmp_path):
         assert lw.Mechanism.load(tmp_path / "x.yaml") == mechanism
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", [None, "dormand_prince", "rodas"])
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
 def test_a_ball_that_is_laid_on_a_slope_sets_off(method, exponent):
@@ -384,6 +385,7 @@ def test_a_ball_that_is_laid_on_a_slope_sets_off(method, exponent):
         close(members.final.positions[-1], run.final.positions, 1e-9)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("friction", [{}, {"friction": lw.Sliding(coefficient=0.5)}])
 @pytest.mark.parametrize("rate", [(0.3, 0.1, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, -0.3)])
 def test_a_box_that_is_laid_on_a_plane_and_pushed_keeps_its_energy(rate, friction):

@@ -156,6 +156,7 @@ def test_only_what_a_derivation_is_made_of_is_read():
         unpacked(packed(Path("here")))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("folder")
 def test_a_first_run_in_a_process_loads_what_it_needs_only():
     exec(FIRST_RUN, {})  # derived here

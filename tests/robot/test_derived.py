@@ -120,6 +120,7 @@ def test_balance_of_the_catalogue(name, forces):
     assert relative(fine) < relative(coarse) < 1e-3
 
 
+@pytest.mark.long
 def test_balance_with_everything_that_acts():
     """Loops with springs, dampers, friction and rotors in joints, and springs between points."""
     robot = lw.Robot(random_loops(5, 2, effects=True))

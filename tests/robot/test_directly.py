@@ -151,6 +151,7 @@ def both(monkeypatch: pytest.MonkeyPatch, *given: Any) -> tuple[str | bytes, str
         return straight, outcome(*given)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", GIVEN)
 @pytest.mark.parametrize("call", TAKING)
 def test_what_is_given_is_answered_or_refused_alike(robot, monkeypatch, call, name):
@@ -158,6 +159,7 @@ def test_what_is_given_is_answered_or_refused_alike(robot, monkeypatch, call, na
     assert straight == long
 
 
+@pytest.mark.sample(13)
 @pytest.mark.parametrize("call", CALLS)
 def test_states_are_answered_or_refused_alike(robot, monkeypatch, call):
     state, other = moving(robot), lw.Robot("five_bar")
@@ -183,6 +185,7 @@ def test_states_are_answered_or_refused_alike(robot, monkeypatch, call):
             assert straight == long, name
 
 
+@pytest.mark.sample(10)
 @pytest.mark.parametrize("call", list(CALLS)[:-OF_TOOL])
 def test_singular_configurations_are_refused_alike(monkeypatch, call):
     """Where crank and rod are stretched the slider's rate does not determine the others."""

@@ -155,6 +155,7 @@ def test_it_moves_as_in_mujoco_under_the_same_compliance(dropped, tmp_path):
     close(found, np.array(places)[:, [0, 2]], 5e-5)
 
 
+@pytest.mark.long
 def test_it_moves_as_in_exudyn_under_the_same_compliance(dropped):
     """Exudyn holds its loop by multipliers, at the end of each of its steps, of second order."""
     pytest.importorskip("exudyn")

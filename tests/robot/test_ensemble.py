@@ -20,6 +20,7 @@ def prr3():
     return lw.Robot(lw.robots.prr3())
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", ["prr3", "spatial_slider_crank", "pendulum", "rpr3"])
 def test_members_come_to_what_they_come_to_alone(name):
     robot = lw.Robot(getattr(lw.robots, name)())
@@ -115,6 +116,7 @@ def test_a_traced_controller_with_gains_of_each_member(prr3):
     require_equal(members, runs)
 
 
+@pytest.mark.long
 def test_a_member_is_run_by_itself_with_its_sensitivities():
     robot = lw.Robot("five_bar").free("gravity.y")
     home, rates = np.tile(robot.home.positions, (3, 1)), np.linspace(-0.3, 0.3, 6).reshape(3, 2)

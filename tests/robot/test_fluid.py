@@ -160,6 +160,7 @@ actuators: [a]
     assert not lw.Robot(lw.Mechanism.parse(coupled + water)).equations.idle
 
 
+@pytest.mark.long
 def test_wind_has_no_natural_modes_where_it_has_no_potential():
     """Its forces follow how boxes lie: going round a small way in the pose they do work."""
     body = lw.Body(mass=1.0, centre_of_mass=(0.5, 0, 0), inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))

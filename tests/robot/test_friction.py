@@ -91,6 +91,7 @@ def test_a_block_under_a_sampled_controller_comes_to_rest(compiled):
     assert abs(run["joint_rate"].values[-1, 0]) < 1e-6
 
 
+@pytest.mark.long
 def test_a_pendulum_with_dry_friction_stops_off_its_lowest_point():
     """m l^2 a = -m g l sin(x) - F w / sqrt(w^2 + r^2), against an implicit Runge-Kutta method of
     another house."""

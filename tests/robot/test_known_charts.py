@@ -31,6 +31,7 @@ def by_place(found: list, count: int) -> list:
     return charts
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     "name", ["prr3", "delta", "stewart", "agile_wrist", "bennett", "tripteron"]
 )
@@ -52,6 +53,7 @@ def test_known_charts_are_those_chosen_anew(name):
             assert one[0] == robot.equations.regular(each)
 
 
+@pytest.mark.long
 def test_choices_wait_for_no_compiling(monkeypatch):
     """Charts are chosen anew until so many were chosen that compiled decisions pay."""
     robot, compiled = built("prr3"), []
@@ -73,6 +75,7 @@ def test_what_rounding_may_turn_is_chosen_anew(monkeypatch):
     """Where a comparison is a tie the decisions say nothing, whatever led to the known charts."""
     robot = built("prr3")
     known = KnownCharts(robot.equations, [])
+    known._decide = chart_margins.compiled()
     asked = []
     monkeypatch.setattr(
         "linkwork.model.known_charts.charts_at",

@@ -99,6 +99,7 @@ def changed(mechanism: lw.Mechanism, paths: list[str]) -> dict[str, float]:
     return {path: other(path, value) for path, value in free_numbers(mechanism, paths).items()}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", first(4, tuple(CASES)))
 def test_all_numbers_free_at_once(name):
     """Every function of q, v, u and p is that of the description edited to p."""
@@ -157,6 +158,7 @@ def platform() -> tuple[lw.Mechanism, lw.Robot]:
     )
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("kind", perturbations())
 def test_a_robot_with_other_values_is_the_robot_of_the_edited_description(platform, kind):
     mechanism, free = platform

@@ -75,6 +75,7 @@ def test_forces_of_a_motion_that_passes_a_singularity_are_warned_of():
     assert len(crossings(motion)) == 1
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ["prr3", "five_bar", "stewart", "delta", "hexaglide", "puma560"])
 def test_motions_among_regular_poses_are_not_warned_of_however_coarse(name):
     robot = built(name)

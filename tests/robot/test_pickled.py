@@ -45,6 +45,7 @@ def five_bars() -> list[lw.Robot]:
     ]
 
 
+@pytest.mark.long
 def test_a_robot_runs_in_another_process_as_it_runs_here():
     robots = five_bars()
     states = [robot.in_chart(robot.home, ("elbow_1", "motor_2")) for robot in robots]

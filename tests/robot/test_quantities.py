@@ -62,6 +62,7 @@ def test_the_shapes_of_quantities_are_known_without_their_values(monkeypatch):
     assert unread.gradient({"tool_pose": weights}) == expected
 
 
+@pytest.mark.long
 def test_a_quantity_of_the_table_is_shown_in_the_report_and_in_the_viewer(squares):
     robot = built("prr3")
     run = robot.simulate(robot.home, [1.0, 0.0, 0.5], duration=0.2, save_at=TIMES)

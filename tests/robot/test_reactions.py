@@ -74,6 +74,7 @@ def mixed(case: str) -> lw.Robot:
     return lw.Robot(MIXED[case]())
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("case", MIXED)
 def test_all_joint_types_and_effects(case):
     """Trees and loops of all joint types with springs, friction, rotors, gears, rods and springs

@@ -135,6 +135,7 @@ def test_a_resumed_run_whose_rates_are_none_of_the_robot_s_is_refused(five, stop
         five.resume(foreign, duration=0.1)
 
 
+@pytest.mark.long
 def test_a_member_whose_rates_do_not_tell_its_motion_does_not_disturb_the_others():
     """A Gough-Stewart platform turned by a quarter about its axis: the legs' rates do not determine
     its motion (Fichter)."""

@@ -62,6 +62,7 @@ def forces(robot: lw.Robot) -> np.ndarray:
     return np.random.default_rng(2).normal(size=len(robot.actuators))
 
 
+@pytest.mark.sample(2)
 def test_at_home_and_assembled_elsewhere(robot):
     """Coordinates, rates, accelerations and energies; inverse dynamics there and back."""
     random, u = np.random.default_rng(1), forces(robot)
@@ -98,6 +99,7 @@ def test_a_state_is_made_from_its_coordinates_and_any_rates(robot):
     close(robot.twists(again), robot.twists(moving), 1e-9)
 
 
+@pytest.mark.sample(2)
 def test_along_a_run_and_at_its_end(robot):
     """What the run records at its end is what the oracle has there; energy changes by the power
     that the oracle counts."""

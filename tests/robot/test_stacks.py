@@ -23,6 +23,7 @@ def moved(robot: lw.Robot, count: int = N) -> tuple[np.ndarray, np.ndarray]:
     return np.tile(run["joint_position"].values, (count // 50, 1)), rates
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("name", "count"), [("prr3", N), ("bricard", N), ("stewart", N), ("rrs3", 100)]
 )

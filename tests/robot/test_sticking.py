@@ -171,6 +171,7 @@ def test_a_ball_joint_sticks():
             close(run["drive_state"].values[-1], moment * axis, 1e-6)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("slope", "sticks"), [(0.29, True), (0.31, False)])
 def test_a_block_on_a_slope_stays_or_slides(slope, sticks):
     """Where tan(slope) is above the friction it goes by g (sin - m cos); else it stays put."""
@@ -200,6 +201,7 @@ def test_a_block_on_a_slope_stays_or_slides(slope, sticks):
     close(run[name].values[-1], [expected, 0, 0, 0, 0, 0], 1e-8)
 
 
+@pytest.mark.long
 def test_a_block_goes_round_with_a_turntable():
     """What holds it turns with the table: seen from there it stays put, but for the bend."""
     bristle, rate = lw.Bristle(stiffness=1e5, damping=2e2), 3.0

@@ -29,6 +29,7 @@ def ran(robot: lw.Robot, state: lw.State, duration: float, **options) -> lw.Run:
     return run
 
 
+@pytest.mark.sample(11)
 @pytest.mark.parametrize("method", ["dormand_prince", "rodas"])
 @pytest.mark.parametrize("exponent", [1.0, 1.5, 2.2])
 @pytest.mark.parametrize("restitution", [0.98, 0.5, 0.1])

@@ -38,6 +38,7 @@ def moving(robot: lw.Robot, seed: int) -> lw.State:
     return robot.home.with_rates(2.0 * np.random.default_rng(seed).normal(size=robot.mobility))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", first(2, [3, 12, 8]))
 def test_a_run_stops_where_the_constraints_are_dependent_and_nowhere_else(seed):
     """A falling delta robot comes to singular poses of its platform (but for seed 3), and to weak
@@ -87,6 +88,7 @@ def turned(stewart):
 FORCES = np.array([3.0, -1.0, 2.0, 0.5, -2.0, 1.0])
 
 
+@pytest.mark.long
 def test_a_state_where_only_the_order_of_elimination_is_weak_gets_its_answers(stewart, turned):
     """Accelerations, rates and energies are the oracle's; what follows from them fits: M, inverse
     dynamics, other charts."""
@@ -114,6 +116,7 @@ def test_a_state_where_only_the_order_of_elimination_is_weak_gets_its_answers(st
     assert np.allclose(stewart.in_chart(other, stewart.independent).rates, state.rates, atol=1e-10)
 
 
+@pytest.mark.long
 def test_derivatives_and_reactions_at_a_weak_order_lie_between_those_beside_it(stewart, turned):
     models = [stewart.linearise(state, FORCES) for state in turned]
     A = [np.hstack([model.A, model.B]) for model in models]
@@ -159,6 +162,7 @@ def test_a_state_whose_rates_do_not_determine_the_motion_is_refused_in_every_ord
 # Singular poses that were stepped over
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("seed", [8, 12])
 def test_only_poses_where_rank_is_lost_are_told_as_singular(seed):
     """Near singular poses weak orders are stepped over as well: with seed 8 there is nothing else

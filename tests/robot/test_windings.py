@@ -255,6 +255,7 @@ def test_events_follow_a_quaternion_through_its_signs(part):
     close(run.coords["event_time"].values, (t[passed] + t[passed + 1]) / 2, 2e-4)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", ["sharp_smart", "rodas", "rk4"])
 def test_a_law_may_read_either_of_two_angles_that_turn_by_as_much(bennett, method):
     """hinge_3 turns by as much as hinge_1, the other way: a spring on it, as a law, pulls as one on

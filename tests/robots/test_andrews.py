@@ -77,6 +77,7 @@ def test_published_motion(robot):
         assert np.allclose(angles(robot, run.variables[quantity].values[-1]), published, rtol=1e-5)
 
 
+@pytest.mark.long
 def test_motion_of_the_independent_solution(robot):
     times = np.array([0.0, 0.01, 0.02, 0.03])
     run = robot.simulate(
@@ -90,6 +91,7 @@ def test_motion_of_the_independent_solution(robot):
     assert run.closure_error * robot.equations.tree.length < 1e-14
 
 
+@pytest.mark.long
 def test_iftomm_problem_A03():
     """The same mechanism from beta = -0.0620 for 0.05 s, against the independent solution."""
     mechanism = andrews(beta=-0.0620)

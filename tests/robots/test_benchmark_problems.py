@@ -43,6 +43,7 @@ def test_A02_two_four_bars_through_their_singular_poses():
     assert np.allclose(tips, list(N_FOUR_BAR.values()), rtol=0, atol=1e-6)
 
 
+@pytest.mark.long
 def test_A02_forty_four_bars_through_their_singular_poses():
     robot = lw.Robot(n_four_bar(40))
     times = np.linspace(0, 10, 21)

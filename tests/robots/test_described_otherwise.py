@@ -128,6 +128,7 @@ def energy(robot: lw.Robot, state: lw.State, _: dict[str, float]) -> dict[str, f
     return {"kinetic energy": float(robot.energy(state)[0])}
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_order_and_frames_do_not_matter(name):
     robot = built(name)
@@ -135,12 +136,14 @@ def test_order_and_frames_do_not_matter(name):
     require_alike(robot, lw.Robot(told), {})
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_which_way_joints_lead_turns_signs_alone(name):
     told, signs = turned_round(built(name).mechanism)
     require_alike(built(name), lw.Robot(told), signs)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "count"), [("delta", 16), ("prr3", 2), ("rrs3", 8)])
 def test_modes_are_as_many(name, count):
     robot = built(name)

@@ -132,6 +132,7 @@ def test_following_a_path_takes_the_motors_along_their_closed_forms(name):
     np.testing.assert_allclose(found, expected, atol=1e-10)
 
 
+@pytest.mark.long
 @both
 def test_the_workspace_is_what_all_legs_reach(name):
     robot, (ends, *_) = robot_of(name), LED[name]
@@ -148,6 +149,7 @@ def test_the_workspace_is_what_all_legs_reach(name):
     np.testing.assert_array_equal(np.ravel(mapped["reachable"]), inside)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rod_mass", [0.0, 0.1])
 def test_the_par4_s_workspace_keeps_to_one_branch_of_legs(rod_mass):
     """Its legs hold the halves of the plate where that is flat, but for a few poses that ways lead
@@ -167,6 +169,7 @@ def test_the_par4_s_workspace_keeps_to_one_branch_of_legs(rod_mass):
     np.testing.assert_allclose(np.exp(1j * found[reached]), np.exp(1j * closed[reached]), atol=1e-9)
 
 
+@pytest.mark.sample(1)
 @both
 def test_each_leg_bends_in_two_ways(name):
     """Both have an elbow outside and inside for each motor while the platform is as at home; the
@@ -206,6 +209,7 @@ def test_the_plate_of_the_par4_is_singular_flat():
     assert singularity(robot, robot.home).kinds == ()
 
 
+@pytest.mark.long
 def test_the_par4_is_not_led_to_folded_legs_behind_the_fold_of_its_plate():
     """The determinant of all legs and the plate comes back to its sign where the plate and a leg
     are folded; single legs tell it. In front of the fold what is reached by the arms is found."""

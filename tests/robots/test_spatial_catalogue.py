@@ -92,6 +92,7 @@ def test_reference_closes_all_loops_as_written(name):
         assert shown[label] == pytest.approx(value, abs=1e-14), label
 
 
+@pytest.mark.sample(10)
 @every
 def test_mobility_rows_and_idle_freedoms(name):
     robot = robot_of(name)
@@ -102,6 +103,7 @@ def test_mobility_rows_and_idle_freedoms(name):
     assert [text.partition(":")[0] for text in robot.idle] == idle
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("name", [name for name in BUILD if name not in SAME_KIND])
 def test_accelerations_of_random_motions(name):
     """Newton's and Euler's equations of all bodies with multipliers, at a random pose near the

@@ -51,6 +51,7 @@ def stone():
     return lw.Robot(lw.Mechanism(bodies={"stone": body}, joints=joints))
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("name", SYMBOLS)
 def test_a_kind_of_joint_of_its_own_is_drawn_everywhere_by_its_motions(name, stone, monkeypatch):
     motions, expected = SYMBOLS[name]
@@ -166,6 +167,7 @@ def test_a_film_in_which_the_mechanism_grows_shows_the_same_parts_throughout():
     assert len(rails) == 1 and rails[0].points[:, 0].max() > 40
 
 
+@pytest.mark.long
 def test_a_body_that_flies_alone_is_seen_in_pictures_reports_and_the_viewer():
     body = lw.Body(mass=1.0, centre_of_mass=(0, 0, 0.5), inertia=lw.Inertia(xx=0.1, yy=0.1, zz=0.1))
     joints = {"flight": lw.FreeJoint(connects=("ground", "stone"))}

@@ -238,6 +238,7 @@ def product(x):
 """
 
 
+@pytest.mark.long
 def test_the_cache_is_renewed_when_another_file_changes(tmp_path):
     """An operator counts if its module's functions are used: nobody names operators."""
     pairs = {"constant": (USER, HELPER), "operator": (OPERATOR_USER, OPERATOR)}

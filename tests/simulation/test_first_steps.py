@@ -48,6 +48,7 @@ def test_no_first_step_is_taken_for_an_estimate_that_is_small_by_accident(seed):
     assert missed < 10
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", ["dormand_prince", "sharp_smart"])
 @pytest.mark.parametrize("name", ["rrr3", "five_bar"])
 def test_first_steps_are_as_accurate_as_asked(name, method):

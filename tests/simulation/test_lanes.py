@@ -173,6 +173,7 @@ ENDINGS = [
 ]
 
 
+@pytest.mark.sample(4)
 @USUAL
 @pytest.mark.parametrize(("motion", "closure", "size", "status", "options"), ENDINGS)
 def test_members_that_fail_keep_their_status_and_the_others_go_on(

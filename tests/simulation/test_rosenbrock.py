@@ -59,6 +59,7 @@ def test_dense_output_joins_both_ends():
     np.testing.assert_allclose(RODAS.dense.sum(axis=1), RODAS.m, atol=1e-12)
 
 
+@pytest.mark.long
 def test_van_der_pol_with_mu_1000():
     """Cheap on the slow parts, where an explicit method needs hundred thousands of steps."""
     t = np.array([100.0, 500.0, 806.0, 1000.0, 1500.0])

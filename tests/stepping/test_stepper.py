@@ -41,6 +41,7 @@ def require_same(stepper: Stepper, run: lw.Run) -> None:
     np.testing.assert_array_equal(stepper.y[: stepper.q.size], final.q)
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize(
     "name", ["prr3", "delta", "five_bar", "bricard", "rrr3", "double_pendulum"]
 )
@@ -123,6 +124,7 @@ def test_methods_that_choose_their_steps_do_so_within_dt(robot, begun, method):
     np.testing.assert_allclose(stepper.state.positions, exact.positions, atol=1e-8)
 
 
+@pytest.mark.long
 def test_the_order_is_four_by_scipy_on_the_textbook_s_equations(robot, begun):
     book = Textbook(robot.mechanism)
     m = len(robot.coordinates)

@@ -4,6 +4,7 @@ process."""
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import linkwork as lw
 from linkwork.sweeps import Study
@@ -24,6 +25,7 @@ GIVEN = Study(
 )
 
 
+@pytest.mark.long
 def test_members_that_change_charts_do_not_depend_on_others(monkeypatch):
     """As in a sweep that is resumed: the last chunk after others, and as the first of all, bit for
     bit."""

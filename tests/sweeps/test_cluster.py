@@ -93,6 +93,7 @@ def until(condition, run):
     raise AssertionError("too slow")
 
 
+@pytest.mark.long
 def test_a_worker_that_is_killed_and_a_scheduler_that_is_lost(wanted, tmp_path):
     path, here = wanted
     out = tmp_path / "out"
@@ -167,6 +168,7 @@ def test_another_service_at_the_address(wanted, tmp_path, monkeypatch, answer, p
         sweep(Study.load(wanted[0]), tmp_path, scheduler=address)
 
 
+@pytest.mark.long
 def test_a_worker_is_no_scheduler(wanted, tmp_path, patient):
     port = free_port()
     with cluster(tmp_path, workers=0) as (address, _, _):
@@ -186,6 +188,7 @@ def test_a_worker_is_no_scheduler(wanted, tmp_path, patient):
                 sweep(Study.load(wanted[0]), tmp_path / "out", scheduler=f"tcp://127.0.0.1:{port}")
 
 
+@pytest.mark.long
 def test_a_scheduler_without_workers(wanted, tmp_path, monkeypatch, patient):
     wait = Client.wait_for_workers
     monkeypatch.setattr(

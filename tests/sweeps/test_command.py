@@ -17,6 +17,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "sweeps.md"
 SMALL = FILE.replace("members: 1024", "members: 64")
 
 
+@pytest.mark.long
 def test_a_study_ends_in_a_table_and_plots(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     file(tmp_path, SMALL)

@@ -95,6 +95,7 @@ def test_lqr_of_a_parallel_robot_is_that_of_the_library():
         )
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("samples", "turns"), [(2, 1), (3, 2), (101, 20)])
 def test_paths_are_followed_whatever_times_are_looked_at(samples, turns):
     """The run is that of the library along samples that lie close, and so is the tool's error."""

@@ -42,6 +42,7 @@ def stamps(folder):
     return {index: [(array / str(index)).stat().st_mtime_ns for array in arrays] for index in done}
 
 
+@pytest.mark.long
 def test_interrupted_again_and_again(undisturbed, tmp_path):
     path, wanted = undisturbed
     before = {}

@@ -69,6 +69,7 @@ def test_what_is_finished_is_not_computed_again(tmp_path, monkeypatch):
     assert (outcome.before, outcome.computed, done) == (4, 0, [0, 1, 2, 3])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("damage", ["flipped bit", "cut off", "gone", "of another chunk"])
 def test_a_corrupted_chunk_is_found_and_computed_again(tmp_path, monkeypatch, damage):
     sweep(study(), tmp_path)
@@ -118,6 +119,7 @@ def test_arrays_of_a_store_without_its_study_are_named(tmp_path):
     np.testing.assert_array_equal(zarr.open_array(place / "end", mode="r")[:], expected)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("text", ["nonsense", '{"name": 3}', "[]", {"a": 1}, 7, None])
 def test_a_store_that_says_nonsense_of_its_study_is_refused(tmp_path, text):
     sweep(study(), tmp_path)
@@ -147,6 +149,7 @@ def test_what_is_no_store_is_refused(tmp_path, content):
         sweep(study(), tmp_path)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "damage", ["emptied", "cut off", "gone", "array gone", "names damaged", "times gone"]
 )
@@ -173,6 +176,7 @@ def test_damaged_descriptions_are_mended(tmp_path, damage):
     assert xarray.open_zarr(store, consolidated=False).load().identical(before)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "damage",
     [
@@ -238,6 +242,7 @@ echo "status $?"
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("unshare") is None, reason="file systems of our own need unshare")
 def test_a_disk_that_is_really_full(tmp_path):
     file(tmp_path, FILE.replace("members: 1024", "members: 256"))
@@ -345,6 +350,7 @@ def test_the_report_reads_a_part_at_a_time_and_draws_a_bounded_number(tmp_path, 
     assert len(summary(outcome.store).points["end"]) == 10
 
 
+@pytest.mark.long
 def test_memory_does_not_grow_with_the_number_of_members(tmp_path):
     """Neither that of computing, with a trajectory of 1.6 kB for each member, nor that of reading
     for the report."""

@@ -58,6 +58,7 @@ def require_gradients(f, *tensors: Tensor) -> None:
     assert gradgradcheck(f, given, eps=1e-6, atol=1e-5, fast_mode=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", TWICE)
 def test_gradients_of_first_and_second_order_are_those_of_differences(name):
     model = linkwork.torch.model(built(name))
@@ -164,6 +165,7 @@ def test_values_are_the_robot_s_own(name):
     assert float(model.closure(Q[-1])[0].abs().max()) < 1e-12
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", NAMES)
 def test_gradients_along_closed_loops_are_those_that_are_compiled(name):
     robot = built(name)
@@ -179,6 +181,7 @@ def test_gradients_along_closed_loops_are_those_that_are_compiled(name):
         np.testing.assert_allclose(slope, wanted, rtol=1e-9, atol=1e-9, err_msg=what)
 
 
+@pytest.mark.long
 def test_it_is_batched_and_traced_whole(model):
     q, _, u = state_of(model)
     Q = torch.stack([model.closed(q + 0.01 * k) for k in range(4)])

@@ -3,11 +3,14 @@
 from importlib.resources import files
 from pathlib import Path
 
+import pytest
+
 from tests.processes import finished
 
 SCRIPT = Path(__file__).with_name("script.py")
 
 
+@pytest.mark.long
 def test_the_script_runs_in_a_fresh_folder(tmp_path):
     done = finished("-W", "error::DeprecationWarning:__main__", SCRIPT, cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -158,6 +158,7 @@ def faults(function: Callable[..., Any], given: dict[str, Any], wrong: list[Any]
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("module", [analysis, design, export, gradients, motions, sweeps, views])
 def test_each_argument_made_wrong_in_turn(things, module, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

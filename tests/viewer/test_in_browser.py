@@ -98,6 +98,7 @@ def home(viewer: Viewer) -> None:
     viewer.post(lambda: None)
 
 
+@pytest.mark.long
 def test_the_page_loads_without_errors_and_shows_the_robot(chromium, viewer):
     browser = Browser(chromium, viewer)
     assert "3-PRR" in browser.text()
@@ -106,6 +107,7 @@ def test_the_page_loads_without_errors_and_shows_the_robot(chromium, viewer):
     browser.page.close()
 
 
+@pytest.mark.long
 def test_a_page_as_narrow_as_a_telephone_shows_the_whole_robot_above_the_panel(chromium, robot):
     places = [place for place, _ in robot.body_poses(robot.home).values()]
     with Viewer(robot) as viewer:
@@ -121,6 +123,7 @@ def test_a_page_as_narrow_as_a_telephone_shows_the_whole_robot_above_the_panel(c
         browser.page.close()
 
 
+@pytest.mark.long
 def test_a_drag_moves_the_platform_and_the_loops_stay_closed(chromium, viewer, robot):
     home(viewer)
     browser = Browser(chromium, viewer)
@@ -137,6 +140,7 @@ def test_a_drag_moves_the_platform_and_the_loops_stay_closed(chromium, viewer, r
     browser.page.close()
 
 
+@pytest.mark.long
 def test_a_pose_out_of_reach_dragged_at_speed_is_refused_with_a_reason(chromium, viewer, robot):
     home(viewer)
     browser = Browser(chromium, viewer)
@@ -152,6 +156,7 @@ def test_a_pose_out_of_reach_dragged_at_speed_is_refused_with_a_reason(chromium,
     browser.page.close()
 
 
+@pytest.mark.long
 def test_a_run_plays_to_its_end(chromium, viewer):
     home(viewer)
     browser = Browser(chromium, viewer)
@@ -174,6 +179,7 @@ def test_a_run_plays_to_its_end(chromium, viewer):
     browser.page.close()
 
 
+@pytest.mark.long
 def test_a_hand_pulls_while_the_simulation_goes_on(chromium, viewer, robot):
     home(viewer)
     browser = Browser(chromium, viewer)
@@ -201,6 +207,7 @@ def test_a_hand_pulls_while_the_simulation_goes_on(chromium, viewer, robot):
     browser.page.close()
 
 
+@pytest.mark.long
 def test_cameras_names_frames_and_the_trail_are_shown_on_request(chromium, viewer, robot):
     home(viewer)
     browser = Browser(chromium, viewer)
@@ -229,6 +236,7 @@ def test_cameras_names_frames_and_the_trail_are_shown_on_request(chromium, viewe
     browser.page.close()
 
 
+@pytest.mark.long
 def test_dexterity_is_chosen_by_name_and_what_is_not_defined_is_refused(chromium):
     """A wrist on a Tripteron: all of its tool's arrows are on the page, left of the panel."""
     with Viewer(wrist(None, (0, 0, 1), (0, 1, 0))) as viewer:
@@ -262,6 +270,7 @@ KNOCK = """([url, version]) => new Promise(answer => {
 })"""
 
 
+@pytest.mark.long
 def test_a_page_of_another_origin_cannot_reach_the_robot(chromium, viewer):
     """Even from the browser that knows the token, with its cookie."""
     import viser
@@ -279,6 +288,7 @@ def test_a_page_of_another_origin_cannot_reach_the_robot(chromium, viewer):
     context.close()
 
 
+@pytest.mark.long
 def test_two_browsers_see_the_same_robot_and_one_may_vanish_in_the_middle_of_a_drag(
     chromium, viewer, robot
 ):
@@ -298,6 +308,7 @@ def test_two_browsers_see_the_same_robot_and_one_may_vanish_in_the_middle_of_a_d
     second.page.close()
 
 
+@pytest.mark.long
 def test_names_with_markup_are_text(chromium):
     plain = robots.five_bar().model_dump(mode="json", exclude_none=True)
     plain["name"] = EVIL

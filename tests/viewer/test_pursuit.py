@@ -62,6 +62,7 @@ def test_a_pose_within_reach_is_that_of_assembling(pursuits, name, shift):
     assert reached.state.positions == pytest.approx(robot.assemble(tool=asked).positions, abs=1e-8)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("L", "M"), [(1e-6, 1e-9), (1e6, 1e6)])
 def test_the_way_to_a_pose_is_the_same_in_micrometres_and_in_megametres(pursuits, L, M):
     plain, scale = pursuits["prr3"], Scale(robots.prr3(), L, M)

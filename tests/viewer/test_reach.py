@@ -60,6 +60,7 @@ def test_a_five_bar_is_singular_where_its_two_outer_links_line_up():
     assert kept > len(middles) / 2
 
 
+@pytest.mark.long
 def test_singular_faces_of_a_delta_lie_between_poses_of_both_signs():
     robot = built("delta")
     found = reach_of(robot, robot.home, 1.2)

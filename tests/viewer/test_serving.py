@@ -185,6 +185,7 @@ def test_a_viser_that_lets_everybody_in_is_refused(robot, monkeypatch):
         Viewer(robot)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("position", "wxyz", "sentence"),
     [
@@ -313,6 +314,7 @@ def test_the_command_tells_one_address_and_nothing_but_data_where_that_is_asked_
     assert "://" not in said.stderr  # as viser's address, by which nobody is let in
 
 
+@pytest.mark.long
 def test_the_command_serves_a_saved_run_until_it_is_interrupted(robot, tmp_path):
     run = robot.simulate(robot.home, duration=0.05).save(tmp_path / "run.nc")
     with python("-u", "-m", "linkwork", "view", run, "--no-browser", stderr=None) as process:

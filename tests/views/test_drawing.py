@@ -26,6 +26,7 @@ def symbols(axes):
     return {artist.get_gid(): artist for artist in axes.get_children() if artist.get_gid()}
 
 
+@pytest.mark.sample(14)
 @pytest.mark.parametrize("name", lw.robots.__all__)
 def test_every_joint_of_every_robot_of_the_catalogue_is_drawn(name):
     robot = built(name)

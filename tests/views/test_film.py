@@ -85,6 +85,7 @@ def test_mechanisms_with_every_kind_of_joint_are_filmed(name, request):
     assert {"spring", "dashes", "bar"} <= kinds
 
 
+@pytest.mark.long
 def test_a_browser_plays_the_film(tmp_path):
     sync_api = pytest.importorskip(
         "playwright.sync_api", reason="playwright is not installed (the dev group)"

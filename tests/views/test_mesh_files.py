@@ -78,6 +78,7 @@ def test_a_mesh_that_went_missing_is_told_and_the_body_is_drawn_without(tmp_path
         plot_mechanism(robot, robot.home)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("most", [FINEST, PAINTED, TRIANGLES])
 def test_large_meshes_are_drawn_by_few_triangles(most):
     """A ball keeps its size and nearly its volume."""

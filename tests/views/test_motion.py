@@ -163,6 +163,7 @@ def test_work_precision_diagrams_hold_the_numbers_given():
         plot_work_precision({})
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("suffix", ["svg", "pdf", "png"])
 def test_figures_are_written_the_same_every_time(run, tmp_path, suffix):
     paths = [
@@ -173,6 +174,7 @@ def test_figures_are_written_the_same_every_time(run, tmp_path, suffix):
     assert first == second and len(first) > 1000
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("settings", [{}, {"savefig.facecolor": "#ffe0e0"}])
 def test_svg_is_what_savefig_writes(run, settings):
     """Drawn once instead of twice, where no setting of the user asks for more."""

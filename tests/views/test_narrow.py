@@ -19,6 +19,7 @@ WRITTEN = """() => [...document.querySelectorAll('caption span, figcaption')].ma
   (element) => element.getBoundingClientRect().right)"""
 
 
+@pytest.mark.long
 def test_a_report_at_390_px_loses_nothing(robot, run, tmp_path):
     path = write_report(robot, run, tmp_path / "run.html")
     with sync.sync_playwright() as playwright:

@@ -111,6 +111,7 @@ def thing(request):
     return make(), word, request.param
 
 
+@pytest.mark.sample(3)
 def test_a_notebook_shows_a_picture_and_the_facts(thing):
     shown, word, name = thing
     first, second = shown._repr_html_(), shown._repr_html_()

@@ -22,6 +22,7 @@ def html(robot, run):
     return render(robot, run)
 
 
+@pytest.mark.long
 def test_the_page_is_self_contained_and_small(html):
     page = Reader(html)
     assert page.open == []
@@ -127,6 +128,7 @@ def test_names_with_markup_are_escaped(tmp_path):
     assert "&lt;img src=x onerror=" in page
 
 
+@pytest.mark.long
 def test_runs_of_few_samples_are_reported(robot):
     for save_at, words in (([], "The run holds no samples"), ([0.01], "1 saved time ")):
         page = render(robot, robot.simulate(robot.home, duration=0.01, save_at=save_at))
@@ -134,6 +136,7 @@ def test_runs_of_few_samples_are_reported(robot):
         assert words in Reader(page).text
 
 
+@pytest.mark.long
 def test_runs_that_ended_early_say_so():
     robot = built("n_four_bar")
     run = robot.simulate(robot.home.with_rates([1.0]), duration=4.0, save_at=np.linspace(0, 4, 41))
@@ -158,6 +161,7 @@ def test_parameters_and_fixed_steps_are_told():
     assert "rod_1.mass = 2.5" in text
 
 
+@pytest.mark.long
 def test_what_cannot_be_reported_is_refused(run, robot, tmp_path):
     with pytest.raises(lw.LinkworkError, match="the run is not one of the robot"):
         write_report(built("five_bar"), run, tmp_path / "x.html")

@@ -34,6 +34,7 @@ def slider():
     return robot, robot.simulate(robot.home, [0.2], duration=2.0)
 
 
+@pytest.mark.long
 def test_frames_show_the_run_at_their_times(slider, tmp_path):
     """x = F t^2 / (2 m): to the right as the square of the time, without jumps."""
     robot, run = slider
@@ -43,6 +44,7 @@ def test_frames_show_the_run_at_their_times(slider, tmp_path):
         assert_pushed(ImageSequence.Iterator(found))
 
 
+@pytest.mark.long
 def test_a_motion_is_shown_at_its_times(slider, tmp_path):
     """Speeding up by 0.8 m/s^2 for half a second, on at 0.4 m/s, and slowing down likewise."""
     robot, run = slider
@@ -140,6 +142,7 @@ def test_mp4_without_ffmpeg_is_refused(slider, tmp_path, monkeypatch):
         write_video(*slider, tmp_path / "x.mp4")
 
 
+@pytest.mark.long
 def test_another_run_is_laid_over_faintly(slider, tmp_path):
     """Only the run's own joint is orange; the one that stands at the start is pale."""
     robot, run = slider

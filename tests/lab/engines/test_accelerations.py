@@ -107,6 +107,7 @@ def moving(place: int) -> list[tuple[np.ndarray, ...]]:
     return found
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     "place",
     range(len(MECHANISMS)),

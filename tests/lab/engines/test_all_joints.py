@@ -88,6 +88,7 @@ LACKING = {
 }
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize(
     ("engine", "name"), dict.fromkeys([*sampled(EVERY, tuple(MECHANISMS)), *LACKING])
 )
@@ -108,6 +109,7 @@ def test_agrees_with_maximal_coordinates(engine, name):
     )
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("kind", TREE[False])
 @pytest.mark.parametrize("engine", EVERY)
 def test_every_joint_type_in_both_directions(engine, kind):
@@ -156,6 +158,7 @@ def test_trees_are_the_same_in_pinocchio_and_mujoco(seed):
     np.testing.assert_allclose(first, second, atol=1e-9 * float(np.max(abs(second))))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "name",
     first(
@@ -208,6 +211,7 @@ def robot(name: str) -> lw.Robot:
     return lw.Robot(getattr(robots, name)())
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "name", first(3, ["five_bar", "stewart", "agile_wrist", "rrr3", "delta", "andrews"])
 )

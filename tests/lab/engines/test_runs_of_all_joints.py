@@ -88,6 +88,7 @@ def test_andrews_squeezer_ends_as_published(engine, step, bound):
     np.testing.assert_allclose(run.joint_accelerations[0, :2], ANDREWS_START[2][:2], rtol=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "make",
     first(

@@ -223,6 +223,7 @@ def potential(book: Textbook, q: np.ndarray) -> np.ndarray:
     )
 
 
+@pytest.mark.long
 def test_energy_changes_by_the_actuators_work():
     book, q, rates = state(prr3(gravity=(0.0, -9.81, 0.0)), 4)
     near_q = [q]
