@@ -5,13 +5,14 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 import linkwork as lw
 from linkwork.equations import functions
 from linkwork.equations.algebra import quaternion_matrix, rotation_matrix
-from linkwork.equations.surfaces import height
+from linkwork.equations.surfaces import cell_at, spline
 
 from tests.equations.evaluation import close, values
 
@@ -218,6 +219,11 @@ def wavy(n: int = 5) -> lw.HeightField:
     )
 
 
+def height(field, x, y):
+    cell = cell_at(field, ca.vertcat(x, y))
+    return spline(cell.P, cell.t)
+
+
 def test_a_field_goes_through_its_heights_and_a_level_slope_is_a_plane():
     field = wavy()
     x = ca.SX.sym("x", 2)
@@ -229,6 +235,44 @@ def test_a_field_goes_through_its_heights_and_a_level_slope_is_a_plane():
     plane = lw.Plane(frame=lw.Frame(rotation=(0.0, -angle, 0.0)))
     place = [0.4, 0.5, 0.3, 1, 0, 0, 0]
     close(gap_of(slope, SPHERE, place) * np.cos(angle), gap_of(plane, SPHERE, place), 1e-14)
+
+
+@pytest.mark.parametrize("counts", [(2, 2), (3, 9), (17, 4), (21, 33)])
+def test_a_field_is_the_natural_spline_of_other_software(counts):
+    """Within cells and along their borders, both edges included, with its slopes."""
+    rng = np.random.default_rng(sum(counts))
+    heights, spacing = rng.normal(size=counts), (0.3, 0.7)
+    field = lw.HeightField(heights=heights.tolist(), spacing=spacing)
+    x = ca.SX.sym("x", 2)
+    h = height(field, x[0], x[1])
+    told = ca.Function("h", [x], [h, ca.gradient(h, x)])
+    places = rng.uniform(size=(40, 2)) * (np.array(counts) - 1)
+    places[:20, 0] = rng.integers(counts[0], size=20)
+    places[10:30, 1] = rng.integers(counts[1], size=20)
+    for place in places:
+        rows = CubicSpline(range(counts[0]), heights, bc_type="natural")
+        along = [
+            CubicSpline(range(counts[1]), rows(place[0], order), bc_type="natural")
+            for order in (0, 1)
+        ]
+        slopes = along[1](place[1]) / spacing[0], along[0](place[1], 1) / spacing[1]
+        inside = (place > 0) & (place < np.array(counts) - 1)
+        value, slope = told(place * spacing)
+        close(float(value), float(along[0](place[1])), 1e-13)
+        close(slope.full().ravel()[inside], np.array(slopes)[inside], 1e-12)
+
+
+def test_derivatives_of_a_field_do_not_grow_with_it():
+    x = ca.SX.sym("x", 2)
+    lengths = []
+    for count in (20, 60):
+        field = lw.HeightField(heights=np.ones((count, count)).tolist(), spacing=(1.0, 1.0))
+        h = height(field, x[0], x[1])
+        second = ca.hessian(h, x)[0]
+        value, all_three = ca.Function("h", [x], [h]), ca.Function("d", [x], [h, second])
+        lengths.append(all_three.n_instructions() - value.n_instructions())
+        assert value.n_instructions() < 5 * (count + 12) ** 2
+    assert lengths[1] < 1.1 * lengths[0] < 1000
 
 
 def test_a_ball_runs_over_a_field_and_keeps_its_energy():

@@ -7,14 +7,17 @@ round and round  of the nearest points p_1, p_2 of two segments (a ball's is a p
                  g = |p_2 - p_1| - R_1 - R_2
 box and others   of balls, capsules, corners and edges: `boxes`
 
-A field's h is the bicubic spline through its heights, with the basis
-B(s) = max(2 - |s|, 0)^3 / 6 - 2 max(1 - |s|, 0)^3 / 3  of width 4, and level beyond its edges.
+A field's h is the bicubic spline through its heights, level beyond its edges: in a cell, t in
+[0, 1] from its lower corner,
+h = w(t_x)^T P w(t_y),  w(t) = ((1 - t)^3, 3 t^3 - 6 t^2 + 4, 3 (t + t^2 - t^3) + 1, t^3) / 6,
+P the 4 x 4 coefficients about it.
 Nearest points: Ericson, Real-Time Collision Detection, 2005, sec. 5.1.9.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -107,53 +110,59 @@ def on_flat(
     if isinstance(surface, Plane):
         gap, up = local[2] - radius, SX([0.0, 0.0, 1.0])
         return Meeting(gap, centre, R[:, 2], centre - (radius + gap / 2) * R[:, 2], R[:, 2])
-    # Gap and slopes of a field at symbols, and then at the centre.
-    c = SX.sym("c", 3)
-    h, slopes = height(surface, c[0], c[1]), fading_slopes(surface, c[:2])
+    # Gap and slopes of a field at symbols, and then at the centre, with what belongs to its cell.
+    c, u, P = SX.sym("c", 3), SX.sym("u", 2), SX.sym("P", 4, 4)
+    cell, h = cell_at(surface, c[:2]), spline(P, u)
+    slopes = ca.gradient(h, u) / SX(np.array(surface.spacing))
+    h, slopes = ca.substitute([h, slopes], [u], [cell.t])
+    # Those at an edge fade within a cell beyond it, so that what is made of them does not leap.
+    slopes *= ca.fmax(1 - cell.beyond**2, 0) ** 2
     gap = c[2] - h - radius * ca.sqrt(1 + ca.sumsqr(slopes))
     tilted = ca.vertcat(-ca.gradient(h, c)[:2], 1)
     up = tilted / ca.norm_2(tilted)
-    gap, up, along = ca.substitute([gap, up, ca.gradient(gap, c)], [c], [local])
+    found = ca.substitute([gap, up, ca.gradient(gap, c)], [P], [cell.P])
+    gap, up, along = ca.substitute(found, [c], [local])
     normal = ca.mtimes(R, up)
     return Meeting(gap, centre, ca.mtimes(R, along), centre - (radius + gap / 2) * normal, normal)
 
 
-def height(field: HeightField, x: ca.SX, y: ca.SX) -> ca.SX:
-    """Return the spline through a field's heights at x, y."""
-    s, _ = held(field, ca.vertcat(x, y))
-    return spline(field, s)
+class Cell(NamedTuple):
+    """Tell where a place (2), held within the edges of a field, is in its cell, how far beyond them
+    it is, in cells, and the coefficients about that cell (4, 4)."""
+
+    t: ca.SX
+    beyond: ca.SX
+    P: ca.SX
 
 
-def fading_slopes(field: HeightField, c: ca.SX) -> ca.SX:
-    """Return the slopes (2) of a field at a place (2); those at an edge fade within a cell beyond
-    it, so that what is made of them does not leap there."""
-    s, inside = SX.sym("s", 2), held(field, c)
-    slopes = ca.gradient(spline(field, s), s) / SX(np.array(field.spacing))
-    return ca.substitute(slopes, s, inside[0]) * ca.fmax(1 - inside[1] ** 2, 0) ** 2
-
-
-def held(field: HeightField, c: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return a place (2) in cells of a field, held within its edges, and how far it is beyond."""
-    cells = c / SX(np.array(field.spacing))
-    inside = ca.fmin(ca.fmax(cells, 0), SX(np.shape(field.heights)) - 1)
-    return inside, cells - inside
-
-
-def spline(field: HeightField, s: ca.SX) -> ca.SX:
-    """Return the spline through a field's heights at s (2), in cells."""
+def cell_at(field: HeightField, c: ca.SX) -> Cell:
+    """Return the cell of a field at a place (2)."""
+    cells, counts = c / SX(np.array(field.spacing)), SX(np.shape(field.heights))
+    inside = ca.fmin(ca.fmax(cells, 0), counts - 1)
+    cell = ca.fmin(ca.floor(inside), counts - 2)
     table = ca.vertcat(*(ca.horzcat(*row) for row in field.heights))
-    counts = np.shape(field.heights)
-    weights = [basis(s[k], count) for k, count in enumerate(counts)]
-    across, along = (SX(through(count)) for count in counts)
-    return ca.mtimes([weights[0].T, ca.mtimes([across, SX(table), along.T]), weights[1]])
+    across, along = (ca.DM(through(count)) for count in table.shape)
+    rows = four(ca.mtimes([across, table, along.T]), cell[0])
+    return Cell(inside - cell, cells - inside, four(rows.T, cell[1]).T)
 
 
-def basis(s: ca.SX, count: int) -> ca.SX:
-    """Return the basis splines (count + 2) about the places -1 ... count at s."""
-    # Distances that have slopes of 1 also where they vanish: at a place, B'' is -2.
-    apart = [s - place for place in range(-1, count + 1)]
-    far = [a * ca.copysign(1, a) for a in apart]
-    return ca.vertcat(*[ca.fmax(2 - d, 0) ** 3 / 6 - 2 * ca.fmax(1 - d, 0) ** 3 / 3 for d in far])
+def four(rows: ca.DM | ca.SX, start: ca.SX) -> ca.SX:
+    """Return four rows from a start on. As that steps, derivatives do not go through all others."""
+    for bit in reversed(range((rows.shape[0] - 4).bit_length())):
+        step = 1 << bit
+        count = min(step + 3, rows.shape[0] - step)
+        chosen = ca.if_else(start >= step, rows[step : step + count, :], rows[:count, :])
+        rows, start = ca.vertcat(chosen, rows[count : step + 3, :]), start - step * (start >= step)
+    return SX(rows)
+
+
+def spline(P: ca.SX, t: ca.SX) -> ca.SX:
+    """Return h at t (2) in a cell."""
+    across, along = (
+        ca.vertcat((1 - x) ** 3, 3 * x**3 - 6 * x**2 + 4, 3 * (x + x**2 - x**3) + 1, x**3) / 6
+        for x in (t[0], t[1])
+    )
+    return ca.mtimes([across.T, P, along])
 
 
 def through(count: int) -> np.ndarray:
