@@ -83,12 +83,13 @@ class PoseEquations:
 def joint_margins(robot: Robot, q: ca.SX, p: ca.SX) -> list[ca.SX]:
     """Return how far joints are from the ends of the ranges that the description gives them."""
     equations, found = robot.equations, []
-    for label, limits, _ in limited(robot.mechanism):
+    for own in limited(robot.mechanism):
+        label, limits = own.coordinate, own.limits
         place = equations.joints.position(label)
         ends = [(limits.lower, 1), (limits.upper, -1)]
         if label.endswith(".qw") and robot.unit(label) == "1":
             # The angle of a free turn is 2 acos |qw|.
             place, ends = place**2, [(cos((limits.upper or pi) / 2) ** 2, 1)]
-        own = ca.Function("place", [equations.tree.q, equations.p], [place])(q, p)
-        found += [side * (own - end) for end, side in ends if end is not None]
+        there = ca.Function("place", [equations.tree.q, equations.p], [place])(q, p)
+        found += [side * (there - end) for end, side in ends if end is not None]
     return found

@@ -85,7 +85,7 @@ class ActuatorLimits:
         """Return the limits of a robot's actuators by kind, infinite where neither these nor its
         description have one."""
         found = self.of(robot.actuators)
-        described = {rates: speed for rates, speed, _ in speed_limited(robot.mechanism)}
+        described = {limit.rates: limit.speed for limit in speed_limited(robot.mechanism)}
         own = np.array([described.get((name,), inf) for name in robot.actuators])
         return {**found, "speed": np.where(np.isinf(found["speed"]), own, found["speed"])}
 

@@ -142,7 +142,7 @@ def write_inertial(sheet: Sheet, element: ET.Element, seat: Seat, body: Body) ->
 
 def joint_of(sheet: Sheet, move: Move, into: np.ndarray) -> ET.Element:
     """Return a joint in a body's frame; `into` turns ground's components into the body's."""
-    friction, spring, limits, rotor, _ = move.effects
+    friction, spring, limits = move.effects[:3]
     element = ET.Element("joint", name=move.name, type=move.kind)
     if move.kind != "free":
         element.set("pos", numbers(poses.point(into, move.anchor)))
@@ -153,7 +153,7 @@ def joint_of(sheet: Sheet, move: Move, into: np.ndarray) -> ET.Element:
     put(element, "frictionloss", friction.coulomb)
     put_graded(element, "stiffness", spring.pulls)
     put(element, "springref", spring.rest if any(spring.pulls) else 0.0)
-    put(element, "armature", rotor)
+    put(element, "armature", move.effects.rotor)
     if limits.bounded:
         lower = -UNLIMITED if limits.lower is None else limits.lower
         upper = UNLIMITED if limits.upper is None else limits.upper
