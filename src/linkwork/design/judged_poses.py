@@ -14,7 +14,7 @@ from math import cos, pi
 import casadi as ca
 import numpy as np
 
-from linkwork.export.expressions import held_of
+from linkwork.export.expressions import led_to
 from linkwork.mechanism.limits import limited
 from linkwork.model.asked import ToolAsked
 from linkwork.model.task import task_of
@@ -53,8 +53,7 @@ class PoseEquations:
         asked = ToolAsked(task_of(robot), tree.length, robot.planar)
         sizes = {"q": equations.nq, "p": robot.p.size, "t": 1, "x": len(asked.what)}
         q, p, t, x = (ca.SX.sym(name, size) for name, size in sizes.items())
-        _, held, error = asked.expressed(equations)
-        error = ca.substitute(error, held, held_of(asked, x)) / ca.DM(asked.units)
+        error = led_to(asked, equations, x)[1] / ca.DM(asked.units)
         phi = rows.phi[kept, :] / ca.DM(rows.units[kept])
         residual = ca.densify(ca.vertcat(phi, *tree.norms(), error))
         own = ca.Function("own", [tree.q, equations.p, x], [residual])

@@ -141,9 +141,8 @@ def approaching(robot: Robot) -> ca.Function:
             f"tool_to_joints is not defined: the tool's {', '.join(labels(task))} do not determine "
             "the motion of all joints; leave it out of the functions, or name another task"
         )
-    J, held, error = asked.expressed(equations)
     x, left = SX.sym("x", len(task)), SX.sym("left", len(task))
-    error = ca.substitute(error, held, held_of(asked, x))
+    J, error = led_to(asked, equations, x)
     residual = ca.vertcat(rows.phi, error - left)
     found, pivots = solve(order, ca.vertcat(rows.Phi, J), -residual)
     w = ca.vertcat(*[found[k] for k in range(equations.nv)])
@@ -167,6 +166,12 @@ def unit(tree: Tree, found: ca.SX) -> ca.SX:
     for places, _ in tree.quaternions:
         q[list(places)] /= ca.norm_2(q[list(places)])
     return ca.substitute(found, tree.q, q) if tree.quaternions else found
+
+
+def led_to(asked: ToolAsked, equations: Equations, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return the rows J (k x nv) of what is asked of a tool, and how far it is from x (k)."""
+    J, held, error = asked.expressed(equations)
+    return J, ca.substitute(error, held, held_of(asked, x))
 
 
 def held_of(asked: ToolAsked, x: ca.SX) -> ca.SX:
