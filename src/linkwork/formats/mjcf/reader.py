@@ -117,7 +117,8 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
     closing = loops.closing(ties, names)
     gears = loops.gears(ties, joints, names)
     # All of it, named once; sites that nothing uses are tools.
-    everything: dict[str, Joint] = joints.joints | closing | tendons.joints | gears  # pyright: ignore
+    held = closing | tendons.joints | gears
+    everything: dict[str, Joint] = joints.joints | held  # pyright: ignore
     given = tendons.lines, tendons.elements
     actuation = ActuatorReader(document, tree, joints, *given, names, notes).read()
     tied, transmissions = _tied(tendons, actuation)
