@@ -159,6 +159,14 @@ def fastest(
     return found
 
 
+def require_limits(limits: object) -> None:
+    """Refuse what are no limits of actuators."""
+    if not isinstance(limits, ActuatorLimits):
+        raise LinkworkError(
+            f"the limits are {checks.shown(limits)}; give motions.ActuatorLimits(force=...)"
+        )
+
+
 @announced("finding the law of the least time")
 def least_time(
     robot: Robot,
@@ -170,10 +178,7 @@ def least_time(
     """Return what `fastest` does, without its warnings."""
     # What is asked fits the robot.
     checks.needed(robot, Robot)
-    if not isinstance(limits, ActuatorLimits):
-        raise LinkworkError(
-            f"the limits are {checks.shown(limits)}; give motions.ActuatorLimits(force=...)"
-        )
+    require_limits(limits)
     require_no_bearings(
         robot.mechanism.joints,
         "the law of the least time, for which forces are linear, leaves out",
