@@ -220,6 +220,7 @@ def test_a_delta_of_other_rods():
 def test_bad_input_is_refused():
     robot = arm(1.0, 0.6)
     number, alike = "hinge_2.frames.0.position.x", design.Isotropy([[0.6, 0.0], [0.9, 0.9]])
+    unnamed = design.Frequency([[1, 1]], 1e4)  # pyright: ignore
     cases = [
         (({}, alike), "give bounds by path"),
         (({number: (1.2, 1.4)}, alike), "leave out its value 1"),
@@ -233,7 +234,7 @@ def test_bad_input_is_refused():
         (({number: (0.7, 1.3)}, alike, {alike: 0.99}), "from this start none keeps all"),
         (({"rod_2.mass": (0.5, 2)}, alike), "nothing that is measured depends on 'rod_2.mass'"),
         (({number: (0.7, 1.3)}, design.Frequency([[1, 0.5]])), "nothing holds the robot"),
-        (({number: (0.7, 1.3)}, design.Frequency([[1, 1]], 1e4)), "give it by joint, such as"),  # pyright: ignore
+        (({number: (0.7, 1.3)}, unnamed), "give it by joint, such as"),
         (({(): (0.7, 1.3)}, alike), r"\(\) names no number"),
         (({number: (0.7, 1.3)}, design.Isotropy([[3.0, 0.0]])), "with the tool at"),
         (({number: (0.7, 1.3)}, design.Frequency([[1, 1]], {"hinge_9": 1.0})), "hinge_9"),

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.mechanism.task import is_length
 from linkwork.robot import Robot
 
 from tests.catalogue import built
 from tests.export.compiled import Library
+from tests.oracle.scaling import Scale
 
 OK, SINGULAR, NOT_FINITE, NOT_CLOSED, TOO_MANY_STEPS, _, OUT_OF_RANGE = range(7)
 KINEMATICS = ["closure", "project", "kinematics", "tool_to_joints"]
@@ -51,6 +53,22 @@ def test_kinematics_is_that_of_the_robot(name, tmp_path):
             continue
         assert status == OK
         np.testing.assert_allclose(positions, expected.positions, rtol=1e-8, atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "L"), [("five_bar", 1e-3), ("delta", 1e-4), ("prr3", 1e6)])
+def test_the_tool_is_led_at_any_size(name, L, tmp_path):
+    """Whether legs are stretched is told by determinants over their sizes."""
+    robot = lw.Robot(Scale(getattr(lw.robots, name)(), L, L).mechanism)
+    own, random = library(robot, tmp_path, ["tool_to_joints"]), np.random.default_rng(3)
+    home = robot.task_values(robot.home)
+    units = np.where([is_length(each) for each in robot.task], robot.equations.tree.length, 1.0)
+    for _ in range(5):
+        x = home + 0.01 * units * random.normal(size=home.size)
+        status, [_, positions] = own("tool_to_joints", x, robot.home.q)
+        assert status == OK
+        expected = robot.assemble(tool=x).positions
+        sizes = [L if robot.unit(label) == "m" else 1.0 for label in robot.coordinates]
+        np.testing.assert_allclose(positions / sizes, expected / sizes, rtol=1e-8, atol=1e-9)
 
 
 def test_what_cannot_be_reached_leaves_the_guess_as_it_is(tmp_path):

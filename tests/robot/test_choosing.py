@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.equations.chart_choice import LEAST
+from linkwork.equations.reference import unit
+from linkwork.model.closing import settled
+from linkwork.runs.next_chart import choices
 
 from tests.catalogue import built
 from tests.oracle.maximal import MaximalOracle
@@ -100,3 +106,21 @@ def test_no_chart_is_left_for_rates_that_determine_the_motion_worse(name, seed):
     run = robot.simulate(start, duration=times[-1], save_at=times)
     for q, (time, left, now) in zip(run["joint_position"].values, taken, strict=True):
         assert determined(robot, q, now) > determined(robot, q, left), (time, left, now)
+
+
+@pytest.mark.parametrize("name", ["five_bar", "rrr3"])
+def test_a_chart_that_is_chosen_is_strong_there(name):
+    """Also that in which runs start, where it is taken again for its order of elimination."""
+    robot, random = built(name), np.random.default_rng(5)
+    tree, home = robot.equations.tree, robot.home.q
+    q = unit(tree, home + 0.6 * tree.units * random.standard_normal((400, home.size)))
+    q, gap = settled(robot.kernel("closure_step"), q, robot.p)
+    q = q[gap < 1e-9]
+    left = SimpleNamespace(order=None)
+    regular, groups = choices(robot, left, q, robot.chart.constraint_jacobian(q))
+    again = 0
+    for members, chart in groups:
+        (pivots,) = chart.kernel("pivots")(q[members[regular[members]]], chart.p)
+        again += len(pivots) * (chart.order == robot.run_chart.order)
+        assert pivots.min() > LEAST
+    assert again > 20

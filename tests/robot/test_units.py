@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import linkwork as lw
+from linkwork.model.task import asked_of
 from linkwork.runs.passage import CLOSURE
 
 from tests.catalogue import built
@@ -142,3 +143,27 @@ def test_a_limit_is_passed_by_more_than_rounding_whatever_the_units(L):
         assert robot.limits_passed(robot.state([at * L])) == ()
     for at in (0.3 + 1e-9, -1e-9):
         assert len(robot.limits_passed(robot.state([at * L]))) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "factors"),
+    [("prr3", SCALES[0]), ("prr3", SCALES[1]), ("rrr3", SCALES[0]), ("stewart", SCALES[1])],
+)
+def test_working_modes_are_told_as_far_from_their_edges(name, factors):
+    """The determinants over their sizes have no unit."""
+    plain, (_, robot) = built(name), scaled(name, *factors)
+    found = [told_modes(one) for one in (plain, robot)]
+    assert found[0].size and np.allclose(*found, rtol=1e-9, atol=0)
+
+
+def told_modes(robot):
+    """Return the determinants at home over their sizes."""
+    leader = robot.leader_of_tool(asked_of(robot, np.size(robot.tool_pose(robot.home))), kept=True)
+    return leader.modes.parts(leader.matrix(leader.outputs(robot.home.q[None])))
+
+
+@pytest.mark.parametrize(("L", "M"), SCALES)
+def test_joints_of_poses_are_exported_at_any_size(L, M, tmp_path):
+    _, robot = scaled("prr3", L, M)
+    written = lw.export.c(robot, functions=["tool_to_joints"])
+    assert any("tool_to_joints" in text for text in written.files.values())

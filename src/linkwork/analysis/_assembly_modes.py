@@ -328,11 +328,11 @@ def unwound(robot: Robot, q: np.ndarray, asked: Mapping[str, float]) -> State:
         ],
         float,
     )
-    for label, ends, _ in limited(robot.mechanism):
+    for own in limited(robot.mechanism):
+        label, (lower, upper) = own.coordinate, own.limits.interval
         place = robot.coordinates.index(label)
         if label not in asked and robot.labels.angular[place]:
-            low = -np.inf if ends.lower is None else ends.lower + np.pi
-            high = np.inf if ends.upper is None else ends.upper - np.pi
+            low, high = lower + np.pi, upper - np.pi
             goal[place] = np.clip(goal[place], low, high) if low <= high else (low + high) / 2
     # Of the tree's angles, with idle wheels in mesh; then of those that close loops.
     q = q.copy()

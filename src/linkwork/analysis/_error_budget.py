@@ -26,10 +26,10 @@ from functools import cache
 import numpy as np
 
 from linkwork.analysis.error_sources import ErrorSource, sources_of
+from linkwork.analysis.freed_numbers import freed
 from linkwork.analysis.tool_errors import ToolErrors, require_held
 from linkwork.checks import amount, needed, shown
 from linkwork.errors import LinkworkError
-from linkwork.mechanism.numbers import located
 from linkwork.mechanism.task import LENGTHS, DistanceTo
 from linkwork.model.task import task_if_any
 from linkwork.patience import announced
@@ -227,14 +227,11 @@ def error_budget(
         )
     require_held(robot)
     sources = sources_of(robot, tolerances, clearances, resolution)
-    # The robot with all these numbers free; a number that is free by another path stays so.
-    free = {located(robot.mechanism, path)[0]: path for path in robot.parameters}
-    wanted = [path for source in sources for path in source.numbers]
-    places = {path: free.setdefault(located(robot.mechanism, path)[0], path) for path in wanted}
-    freed = robot.free(*(path for path in free.values() if path not in robot.parameters))
-    q = freed.state(robot.own(states).positions).q
+    # The robot with all these numbers free.
+    opened, places = freed(robot, (path for source in sources for path in source.numbers))
+    q = opened.state(robot.own(states).positions).q
     # One after the other all moves of the numbers, which are columns of their sources.
-    numbers = tuple(freed.parameters)
+    numbers = tuple(opened.parameters)
     moves = np.zeros((len(numbers), sum(source.moves.shape[1] for source in sources)))
     names, columns = list[str](), list[slice]()
     for source in sources:
@@ -242,7 +239,7 @@ def error_budget(
         columns.append(slice(len(names), len(names) + own.shape[1]))
         moves[rows, columns[-1]] = own
         names += [source.name] * own.shape[1]
-    errors = ToolErrors(freed, moves, tuple(names))
+    errors = ToolErrors(opened, moves, tuple(names))
     per_move, per_actuator = errors(q.reshape(-1, q.shape[-1]))
     if robot.planar:  # errors are those in the plane
         per_move[:, OUT_OF_PLANE] = per_actuator[:, OUT_OF_PLANE] = 0.0

@@ -179,7 +179,7 @@ def planned(
     space = {"pose": range(6), "position": range(3, 6), "nothing": ()}
     plane = {"pose": (2, 3, 4), "position": (3, 4), "nothing": ()}
     rows = tuple((plane if robot.planar else space)[measure])
-    model = model_of(robot, rows, names(joints, "joints"), **noise)  # pyright: ignore[reportArgumentType]
+    model = model_of(robot, rows, names(joints, "joints"), **noise)  # pyright: ignore
     q, readings = readings_of(robot, states)
     return model, model.slopes(model.closed(q, readings, robot.p), robot.p)
 

@@ -358,14 +358,7 @@ def bounds(
     robot: Robot, given: Mapping[str, tuple[float, float]] | None
 ) -> list[tuple[str, float, float]]:
     """Return lower and upper bounds of coordinates: those described, and those given."""
-    found = [
-        (
-            label,
-            -np.inf if limit.lower is None else limit.lower,
-            np.inf if limit.upper is None else limit.upper,
-        )
-        for label, limit, _ in limited(robot.mechanism)
-    ]
+    found = [(own.coordinate, *own.limits.interval) for own in limited(robot.mechanism)]
     for name, pair in by_name(given, "the limits", f"{{'{robot.coordinates[0]}': (0, 1)}}").items():
         checks.known((name,), robot.coordinates, "joint")
         ends = reals(pair)

@@ -164,9 +164,14 @@ def identify(
     Q, R = np.linalg.qr(weighted)
     deviations = np.linalg.norm(np.linalg.inv(R), axis=1) / lengths * np.sqrt(freedom)
     root = R * lengths / np.sqrt(freedom)
-    if np.abs(remains).max() > LEFT_OVER * np.abs(right).max():
+    if left_over(remains, right):
         warned_by_rates(weights[:, None] * remains, Q, stacklevel=3)
     return Identification(base, beta, deviations, float(sigma[0] / sigma[-1]), noise / own, root)
+
+
+def left_over(remains: np.ndarray, forces: np.ndarray) -> bool:
+    """Tell whether more remains of forces than rounding leaves."""
+    return bool(np.abs(remains).max() > LEFT_OVER * np.abs(forces).max())
 
 
 def motion_of(robot: Robot, measured: Measured | Run) -> Measured:

@@ -214,10 +214,13 @@ def blocks(matrix: ca.SX) -> list[tuple[list[int], list[int]]]:
         graph.add_nodes_from((side, i) for i in range(count))
     for i, j in zip(*ca.sparsify(matrix).sparsity().get_triplet(), strict=True):
         graph.add_edge(("row", i), ("column", j))
-    return [
-        tuple(sorted(i for kind, i in part if kind == side) for side in ("row", "column"))  # pyright: ignore
-        for part in nx.connected_components(graph)
-    ]
+    found = []
+    for part in nx.connected_components(graph):
+        rows, columns = (
+            sorted(i for kind, i in part if kind == side) for side in ("row", "column")
+        )
+        found.append((rows, columns))
+    return found
 
 
 def reread(

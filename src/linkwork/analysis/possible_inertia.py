@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkwork.analysis._base_parameters import regressor_of
-from linkwork.analysis.identification import LEFT_OVER, Identification, Measured, motion_of
+from linkwork.analysis.identification import Identification, Measured, left_over, motion_of
 from linkwork.analysis.outliers import warned_by_rates
 from linkwork.analysis.settled_squares import settled
 from linkwork.checks import among, positive, shown
@@ -368,7 +368,7 @@ def payload(
     noise = np.sqrt(freedom * np.mean(remains**2, axis=1))
     noise = np.maximum(noise, 1e-9 * max(float(np.abs(right).max()), 1e-300))
     weights = np.repeat(1 / noise, len(right) // n)
-    if np.abs(remains).max() > LEFT_OVER * np.abs(right).max():
+    if left_over(remains, right):
         U = np.linalg.svd(weights[:, None] * rows, full_matrices=False)[0][:, :rank]
         even = weights * right
         warned_by_rates((even - U @ (U.T @ even)).reshape(n, -1), U, stacklevel=3)

@@ -21,7 +21,7 @@ from linkwork.checks import amount, known
 from linkwork.equations import Equations, bearings, body_motion
 from linkwork.equations.algebra import SX, matrix_quaternion
 from linkwork.equations.effects import rotation_vector
-from linkwork.equations.task import task_map
+from linkwork.equations.task import mapped_rows
 from linkwork.equations.transmissions import at_surface
 from linkwork.equations.tree import near_offset, offset
 from linkwork.errors import LinkworkError
@@ -320,12 +320,9 @@ def expression(equations: Equations, quantity: Quantity) -> ca.SX:
 def task_expression(equations: Equations, tool: Tool, kind: str) -> ca.SX:
     """Return x, x' or J (column by column) of the task that a tool states, as functions of q and
     v."""
-    J, _ = body_motion.tool_twist(equations.tree, tool, SX.zeros(equations.nv))
-    pose = ca.vertcat(*body_motion.tool_pose(equations.tree, tool))
-    x, E, _ = task_map(tuple(tool.task or ())).call([pose, SX.zeros(6)], True, False)
+    x, rows = mapped_rows(equations.tree, tool, tool.task or ())
     if kind == "task":
         return x
-    rows = ca.mtimes(ca.sparsify(E), J)
     if kind == "task_rates":
         return ca.mtimes(rows, equations.rates)
     # x' = rows L v and q_a' = S v.

@@ -26,7 +26,7 @@ from linkwork.errors import LinkworkError, ModelWarning
 from linkwork.mechanism.limits import undriven_speeds
 from linkwork.model.state import State
 from linkwork.motions import ActuatorLimits, AxisLimits, TimedPath, point_to_point
-from linkwork.motions._fastest import least_time
+from linkwork.motions._fastest import least_time, require_limits
 from linkwork.motions.pushed_cables import warn_of_pushing
 from linkwork.patience import announced
 from linkwork.robot import Robot
@@ -129,10 +129,7 @@ def optimal_motion(
     """
     # One robot, two states in its own rates, and a cost.
     checks.needed(robot, Robot)
-    if not isinstance(limits, ActuatorLimits):
-        raise LinkworkError(
-            f"the limits are {checks.shown(limits)}; give motions.ActuatorLimits(force=...)"
-        )
+    require_limits(limits)
     if limits.jerk is not None:
         raise LinkworkError(
             "forces that are constant in intervals leap between them, and the jerk with them; "

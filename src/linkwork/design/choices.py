@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from linkwork import checks
+from linkwork.analysis.freed_numbers import freed
 from linkwork.errors import LinkworkError
 from linkwork.mechanism.number_patterns import paths_of
 from linkwork.mechanism.numbers import edited, located
@@ -67,38 +68,36 @@ def choices(robot: Robot, numbers: Mapping[Any, tuple[float, float]]) -> Choices
     if () in numbers:
         raise LinkworkError("() names no number; give a path, a pattern, or a tuple of them")
     groups = [(name_of(key), all_paths(robot, key)) for key in numbers]
-    free = {located(robot.mechanism, path)[0]: path for path in robot.parameters}
     taken: dict[tuple[str, ...], str] = {}
     for name, paths in groups:
         for where, path in ((located(robot.mechanism, path)[0], path) for path in paths):
             if where in taken:
                 raise LinkworkError(f"{path!r} is in {taken[where]!r} and {name!r}; name it once")
             taken[where] = name
-            free.setdefault(where, path)
-    freed = robot.free(*(path for path in free.values() if path not in robot.parameters))
+    opened, _ = freed(robot, (path for _, paths in groups for path in paths))
     # p = offset + map z.
-    places = [located(robot.mechanism, path)[0] for path in freed.parameters]
+    places = [located(robot.mechanism, path)[0] for path in opened.parameters]
     lower, upper, start = [], [], []
-    found = np.zeros((freed.p.size, len(groups)))
+    found = np.zeros((opened.p.size, len(groups)))
     # A number by itself, or several that keep their ratios.
     for k, (key, (name, paths)) in enumerate(zip(numbers, groups, strict=True)):
         rows = [places.index(located(robot.mechanism, path)[0]) for path in paths]
         alone = len(rows) == 1
-        found[rows, k] = 1.0 if alone else freed.p[rows]
-        own = float(freed.p[rows[0]]) if alone else 1.0
+        found[rows, k] = 1.0 if alone else opened.p[rows]
+        own = float(opened.p[rows[0]]) if alone else 1.0
         low, high = bounds_of(name, numbers[key], own, alone)
         if low <= 0:
             least = dict(zip(paths, (low * found[rows, k]).tolist(), strict=True))
             refuse_sign(robot, name, low, least)
         lower, upper, start = [*lower, low], [*upper, high], [*start, own]
     # What is not chosen stays as it is.
-    offset = np.where(found.any(axis=1), 0.0, freed.p)
+    offset = np.where(found.any(axis=1), 0.0, opened.p)
     names = tuple(name for name, _ in groups)
     still = [name for name, column in zip(names, found.T, strict=True) if not column.any()]
     if still:
         raise LinkworkError(f"all numbers of {still[0]!r} are zero, and stay so; give others")
     ends = np.array(lower), np.array(upper)
-    return Choices(freed, names, *ends, np.array(start), offset, found)
+    return Choices(opened, names, *ends, np.array(start), offset, found)
 
 
 def name_of(key: Any) -> str:

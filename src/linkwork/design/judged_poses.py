@@ -14,7 +14,7 @@ from math import cos, pi
 import casadi as ca
 import numpy as np
 
-from linkwork.export.expressions import held_of
+from linkwork.export.expressions import led_to
 from linkwork.mechanism.limits import limited
 from linkwork.model.asked import ToolAsked
 from linkwork.model.task import task_of
@@ -53,8 +53,7 @@ class PoseEquations:
         asked = ToolAsked(task_of(robot), tree.length, robot.planar)
         sizes = {"q": equations.nq, "p": robot.p.size, "t": 1, "x": len(asked.what)}
         q, p, t, x = (ca.SX.sym(name, size) for name, size in sizes.items())
-        _, held, error = asked.expressed(equations)
-        error = ca.substitute(error, held, held_of(asked, x)) / ca.DM(asked.units)
+        error = led_to(asked, equations, x)[1] / ca.DM(asked.units)
         phi = rows.phi[kept, :] / ca.DM(rows.units[kept])
         residual = ca.densify(ca.vertcat(phi, *tree.norms(), error))
         own = ca.Function("own", [tree.q, equations.p, x], [residual])
@@ -83,12 +82,13 @@ class PoseEquations:
 def joint_margins(robot: Robot, q: ca.SX, p: ca.SX) -> list[ca.SX]:
     """Return how far joints are from the ends of the ranges that the description gives them."""
     equations, found = robot.equations, []
-    for label, limits, _ in limited(robot.mechanism):
+    for own in limited(robot.mechanism):
+        label, limits = own.coordinate, own.limits
         place = equations.joints.position(label)
         ends = [(limits.lower, 1), (limits.upper, -1)]
         if label.endswith(".qw") and robot.unit(label) == "1":
             # The angle of a free turn is 2 acos |qw|.
             place, ends = place**2, [(cos((limits.upper or pi) / 2) ** 2, 1)]
-        own = ca.Function("place", [equations.tree.q, equations.p], [place])(q, p)
-        found += [side * (own - end) for end, side in ends if end is not None]
+        there = ca.Function("place", [equations.tree.q, equations.p], [place])(q, p)
+        found += [side * (there - end) for end, side in ends if end is not None]
     return found

@@ -71,9 +71,7 @@ def taken_by_joints(robot: Robot, run: Run) -> Iterator[tuple[str, np.ndarray]]:
         yield "speed", np.linalg.norm(own, axis=1) / speed
     for label, own, name in limited(robot.mechanism):
         place = robot.coordinates.index(label)
-        q = coordinates[:, place]
-        lower = -np.inf if own.lower is None else own.lower
-        upper = np.inf if own.upper is None else own.upper
+        q, (lower, upper) = coordinates[:, place], own.interval
         if name.endswith(f".{TURN}"):
             q, lower = 2 * np.arccos(np.minimum(np.abs(q), 1.0)), -upper
         half = (upper - lower) / 2

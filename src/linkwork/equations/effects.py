@@ -198,14 +198,15 @@ def freedoms(
     found = []
     for name, joint in joints.mechanism.joints.items():
         for part in joint.parts(name):
-            friction, spring, _, rotor, _ = part.effects
-            if every or any(map(present, part.effects.loads)):
+            own = part.effects
+            if every or any(map(present, own.loads)):
                 x = ca.vertcat(*map(joints.position, part.coordinates))
                 x = rotation_vector(x) if part.name == TURN else x
                 J = joints.rate_rows(part.rates)
                 stop = tuple(ends(part, x))
                 strain = strains.get(part.rates[0])
-                found.append(Freedom(part.rates, x, J, friction, spring, rotor, stop, strain))
+                acts = own.friction, own.spring, own.rotor
+                found.append(Freedom(part.rates, x, J, *acts, stop, strain))
     return tuple(found)
 
 

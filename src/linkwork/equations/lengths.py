@@ -43,26 +43,27 @@ def own_length(mechanism: Mechanism) -> float:
 def loop_length(mechanism: Mechanism, loop: Collection[str]) -> float:
     """Return the way [m] along the bodies of a loop of joints from one joint's frame to the next,
     rods included."""
-    points: dict[str, list[tuple[float, float, float]]] = {}
     joints = [joint for name in loop if isinstance(joint := mechanism.joints.get(name), PairJoint)]
-    for joint in joints:
-        for body, frame in zip(joint.connects, joint.frames, strict=True):
-            points.setdefault(body, []).append(frame.position)
-    return sum(held_lengths(joints)) + sum(
-        float(np.linalg.norm(np.ptp(own, axis=0))) for own in points.values()
-    )
+    ways = [float(np.linalg.norm(np.ptp(own, axis=0))) for own in joint_points(joints).values()]
+    return sum(held_lengths(joints)) + sum(ways)
 
 
 def held_points(mechanism: Mechanism) -> dict[str, np.ndarray]:
     """Return the origins of the joints' frames on each body that joints hold, and its mass centre,
     in its own frame."""
-    points: dict[str, list[tuple[float, float, float]]] = {}
-    for joint in mechanism.pairs.values():
-        for body, frame in zip(joint.connects, joint.frames, strict=True):
-            points.setdefault(body, []).append(frame.position)
+    points = joint_points(mechanism.pairs.values())
     for name, body in mechanism.bodies.items():
         points.setdefault(name, []).extend([body.centre_of_mass] if body.mass > 0 else [])
     return {name: np.array(own, float) for name, own in points.items() if own}
+
+
+def joint_points(joints: Iterable[PairJoint]) -> dict[str, list[tuple[float, float, float]]]:
+    """Return the origins of joints' frames on each body that they hold, in its own frame."""
+    points: dict[str, list[tuple[float, float, float]]] = {}
+    for joint in joints:
+        for body, frame in zip(joint.connects, joint.frames, strict=True):
+            points.setdefault(body, []).append(frame.position)
+    return points
 
 
 def held_lengths(joints: Iterable[PairJoint]) -> list[float]:

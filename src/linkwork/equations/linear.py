@@ -22,7 +22,7 @@ from linkwork.equations import bearings, body_motion, functions
 from linkwork.equations.algebra import SX, cross, vector
 from linkwork.equations.bearing_loads import Wrench
 from linkwork.equations.equations import Equations
-from linkwork.equations.task import task_map
+from linkwork.equations.task import at_rest
 from linkwork.equations.tree import offset
 from linkwork.mechanism import GROUND, Tool
 from linkwork.mechanism.task import TaskCoordinate
@@ -81,7 +81,7 @@ def tool_responses(equations: Equations, task: tuple[TaskCoordinate, ...]) -> ca
     [omega; v]: bearings carry them, too, and rub by that."""
     tool, u = equations.mechanism.first_tool, SX.sym("u", len(equations.mechanism.actuators))
     pose, f = body_motion.tool_pose(equations.tree, tool), SX.sym("f", len(task))
-    _, E, _ = task_map(task).call([ca.vertcat(*pose), SX.zeros(6)], True, False)
+    _, E = at_rest(task, ca.vertcat(*pose))
     J, _ = body_motion.tool_twist(equations.tree, tool, SX.zeros(equations.nv))
     pushed, forces = ca.mtimes(ca.sparsify(E).T, f), ca.mtimes(equations.actuation.T, u)
     applied = forces + ca.mtimes(equations.elimination.L.T, ca.mtimes(J.T, pushed))

@@ -21,8 +21,11 @@ from functools import cache
 import casadi as ca
 import numpy as np
 
+from linkwork.equations import body_motion
 from linkwork.equations.algebra import SX, matrix_quaternion, rotation_matrix
 from linkwork.equations.effects import rotation_vector
+from linkwork.equations.tree import Tree
+from linkwork.mechanism import Tool
 from linkwork.mechanism.task import ROTATION, DistanceTo, TaskCoordinate, TurnAbout
 
 NEAR_ZERO = 1e-2  # square of an angle below which series are taken
@@ -68,6 +71,20 @@ def task_map(task: tuple[TaskCoordinate, ...]) -> ca.Function:
     outputs = [ca.densify(part) for part in ca.substitute(found, [r], [own])]
     names = ["pose", "twist"], ["x", "E", "bias"]
     return ca.Function("task", [pose, twist], outputs, *names, {"cse": True})
+
+
+def at_rest(task: Sequence[TaskCoordinate], pose: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return x (k) and E (k x 6) of task coordinates at a pose (POSE)."""
+    x, E, _ = task_map(tuple(task)).call([pose, SX.zeros(6)], True, False)
+    return x, E
+
+
+def mapped_rows(tree: Tree, tool: Tool, task: Sequence[TaskCoordinate]) -> tuple[ca.SX, ca.SX]:
+    """Return x (k) and J (k x nv), x' = J w, of a tool's task coordinates; of a whole rotation
+    vector rows of omega."""
+    J, _ = body_motion.tool_twist(tree, tool, SX.zeros(len(tree.rates)))
+    x, E = at_rest(task, ca.vertcat(*body_motion.tool_pose(tree, tool)))
+    return x, ca.mtimes(ca.sparsify(E), J)
 
 
 def row(
@@ -146,7 +163,7 @@ def determined(item: TaskCoordinate, task: Sequence[TaskCoordinate], R: ca.SX) -
 def told(task: tuple[TaskCoordinate, ...], pose: ca.SX) -> ca.SX:
     """Return the values (k) of task coordinates as users are told them, NaN where the pose does not
     determine them."""
-    x, _, _ = task_map(held_task(task)).call([pose, SX.zeros(6)], True, False)
+    x, _ = at_rest(held_task(task), pose)
     if places := pointing_of(task):
         a, t = places
         swung = x[a], x[t]

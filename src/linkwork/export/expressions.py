@@ -29,7 +29,7 @@ from linkwork.mechanism.task import labels
 from linkwork.model.actuation import DRIVEN, undriven
 from linkwork.model.asked import ToolAsked
 from linkwork.model.closing import LONGEST
-from linkwork.model.modes import modes_of
+from linkwork.model.modes import ModeStage, modes_of
 from linkwork.model.task import task_of
 from linkwork.robot import Robot
 
@@ -135,15 +135,14 @@ def approaching(robot: Robot) -> ca.Function:
     equations, task = robot.equations, task_of(robot)
     tree, rows = equations.tree, equations.rows
     asked = ToolAsked(task, tree.length, robot.planar)
-    order = modes_of(equations, robot.p, asked).chart
-    if order is None:
+    modes = modes_of(equations, robot.p, asked)
+    if (order := modes.chart) is None:
         raise LinkworkError(
             f"tool_to_joints is not defined: the tool's {', '.join(labels(task))} do not determine "
             "the motion of all joints; leave it out of the functions, or name another task"
         )
-    J, held, error = asked.expressed(equations)
     x, left = SX.sym("x", len(task)), SX.sym("left", len(task))
-    error = ca.substitute(error, held, held_of(asked, x))
+    J, error = led_to(asked, equations, x)
     residual = ca.vertcat(rows.phi, error - left)
     found, pivots = solve(order, ca.vertcat(rows.Phi, J), -residual)
     w = ca.vertcat(*[found[k] for k in range(equations.nv)])
@@ -155,7 +154,7 @@ def approaching(robot: Robot) -> ca.Function:
         "next": unit(tree, q),
         "gap": largest(ca.vertcat(unit(tree, gap), *tree.norms())),
         "length": unit(tree, length),
-        "pivot": unit(tree, weakest_stage(order, pivots)),
+        "pivot": unit(tree, weakest_stage(order, pivots, modes.stages)),
         "error": unit(tree, error),
     }
     return functions.function("approaching", equations, outputs, x=x, left=left)
@@ -167,6 +166,12 @@ def unit(tree: Tree, found: ca.SX) -> ca.SX:
     for places, _ in tree.quaternions:
         q[list(places)] /= ca.norm_2(q[list(places)])
     return ca.substitute(found, tree.q, q) if tree.quaternions else found
+
+
+def led_to(asked: ToolAsked, equations: Equations, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return the rows J (k x nv) of what is asked of a tool, and how far it is from x (k)."""
+    J, held, error = asked.expressed(equations)
+    return J, ca.substitute(error, held, held_of(asked, x))
 
 
 def held_of(asked: ToolAsked, x: ca.SX) -> ca.SX:
@@ -246,13 +251,18 @@ def require_steps(robot: Robot) -> None:
     )
 
 
-def weakest_stage(chart: Chart, pivots: Sequence[ca.SX]) -> ca.SX:
+def weakest_stage(chart: Chart, pivots: Sequence[ca.SX], sized: Sequence[ModeStage] = ()) -> ca.SX:
     """Return the determinant of least magnitude of the stages of an elimination, negative where any
-    is: its sign changes where the matrix is singular, and nowhere else."""
-    left = iter(pivots)
-    return weakest(
-        [prod([next(left) for _ in stage.blocks], start=SX(1)) for stage in chart.stages]
-    )
+    is: its sign changes where the matrix is singular, and nowhere else.
+
+    sized: stages with the sizes of their determinants, over which these are
+    """
+    left, found = iter(pivots), []
+    sizes = {frozenset(stage.rows): stage.size for stage in sized}
+    for stage in chart.stages:
+        size = sizes.get(frozenset(stage.rows), 1.0)
+        found.append(prod([next(left) for _ in stage.blocks], start=SX(1)) * (1 / size))
+    return weakest(found)
 
 
 def largest(values: ca.SX) -> ca.SX:

@@ -16,7 +16,7 @@ import casadi as ca
 
 from linkwork.equations import Equations
 from linkwork.errors import LinkworkError
-from linkwork.export.expressions import held_of
+from linkwork.export.expressions import led_to
 from linkwork.mechanism.task import labels
 from linkwork.model.asked import ToolAsked
 from linkwork.model.task import task_of
@@ -39,8 +39,7 @@ def tool_to_joints(robot: Robot, equations: Equations) -> ca.Function:
     task = task_of(robot)
     asked = ToolAsked(task, equations.tree.length, robot.planar)
     x = ca.SX.sym("x", len(task))
-    _, held, error = asked.expressed(equations)
-    error = ca.substitute(error, held, held_of(asked, x)) / ca.DM(asked.units)
+    error = led_to(asked, equations, x)[1] / ca.DM(asked.units)
     return by_newton("tool_to_joints", equations, {"x": x}, [], error)
 
 

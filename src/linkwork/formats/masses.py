@@ -8,6 +8,7 @@ from linkwork.mechanism import Body, Mechanism
 from linkwork.solids.solid import Solid
 
 NOISE = 1e-12  # of a moment of inertia, relative to the greatest
+ROUNDING = 1e-15  # of a moment of inertia, relative to mass times squared size
 
 
 def solid_of(body: Body) -> Solid:
@@ -15,11 +16,13 @@ def solid_of(body: Body) -> Solid:
     return Solid(body.mass, np.array(body.centre_of_mass), body.inertia.tensor())
 
 
-def without_noise(inertia: np.ndarray, least: float) -> np.ndarray:
-    """Return an inertia tensor whose moments below zero are zero where they are rounding: not below
-    -`least`."""
+def without_noise(inertia: np.ndarray, mass: float, square: float) -> np.ndarray:
+    """Return an inertia tensor whose moments below zero are zero where they are rounding.
+
+    square: of the length [m] that mass may have been about, before the tensor was its own
+    """
     moments, axes = np.linalg.eigh(inertia)
-    if moments[0] >= 0 or moments[0] < -max(least, NOISE * moments[-1]):
+    if moments[0] >= 0 or moments[0] < -max(ROUNDING * abs(mass) * square, NOISE * moments[-1]):
         return inertia
     tensor = axes @ np.diag(np.maximum(moments, 0.0)) @ axes.T
     np.fill_diagonal(tensor, np.maximum(np.diag(tensor), 0.0))

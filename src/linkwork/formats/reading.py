@@ -20,6 +20,7 @@ from linkwork.mechanism.refusal import shown
 
 PACKAGES = ("package://", "model://")
 FILE = "file://"
+EARTH = (0.0, 0.0, -9.81)  # gravity where a file says none [m/s^2]
 
 
 Paths: TypeAlias = Iterable[str | Path] | str | Path

@@ -24,8 +24,7 @@ import numpy as np
 
 from linkwork.control.joined import Joined
 from linkwork.equations.symmetric import solve_symmetric
-from linkwork.equations.task import held_task
-from linkwork.model.asked_rows import mapped_rows
+from linkwork.equations.task import held_task, mapped_rows
 from linkwork.model.dexterity import actuated, characteristic_length, scales
 from linkwork.model.task import Task, freedoms, task_if_any
 
@@ -71,7 +70,7 @@ class Conditioning:
         A, G = ca.mtimes([ca.diag(driven), rows, equations.elimination.L]), ca.mtimes(L.T, L)
         if not self.task:
             return ca.densify(ca.vertcat(ca.vec(ca.mtimes(A.T, A)), ca.vec(G)))
-        _, J = mapped_rows(equations, self.task)
+        _, J = mapped_rows(equations.tree, equations.mechanism.first_tool, self.task)
         T = ca.mtimes([ca.diag(x), J, equations.elimination.L])
         Y = solve_symmetric(G, T.T)
         K = ca.mtimes(A, solve_symmetric(ca.mtimes(T, Y), Y.T).T)

@@ -7,6 +7,7 @@ turn of a spherical joint q is the rotation vector of R_12 and w the relative an
 
 from __future__ import annotations
 
+from math import inf
 from typing import NamedTuple
 
 from pydantic import Field, model_validator
@@ -124,6 +125,12 @@ class Limits(Record):
     def bounded(self) -> bool:
         """Whether the coordinate itself has an end."""
         return self.lower is not None or self.upper is not None
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The least and the largest value, infinite where there is none."""
+        lower = -inf if self.lower is None else self.lower
+        return lower, inf if self.upper is None else self.upper
 
     @model_validator(mode="after")
     def _ordered(self):

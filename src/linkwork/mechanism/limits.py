@@ -14,30 +14,50 @@ from linkwork.mechanism.record import Record, swapped
 from linkwork.mechanism.transmissions import Cable, LoadedLength, PulleyBlock, acts
 
 
-def limited(mechanism: Mechanism) -> Iterator[tuple[str, Limits, str]]:
-    """Yield what has limits: the coordinate (qw of a free turn), the limits, and the name to
-    report."""
+class LimitedRange(NamedTuple):
+    """Hold the limits of a coordinate, that of a free turn qw; `name`: to report it by."""
+
+    coordinate: str
+    limits: Limits
+    name: str
+
+
+class LimitedSpeed(NamedTuple):
+    """Hold the limit of speed of one rate, or of the three of a free turn together; `name`: to
+    report it by."""
+
+    rates: tuple[str, ...]
+    speed: float
+    name: str
+
+
+def limited(mechanism: Mechanism) -> Iterator[LimitedRange]:
+    """Yield the coordinates that have limits."""
     for name, joint in mechanism.joints.items():
         for part in joint.parts(name):
             limits, first = part.effects.limits, part.coordinates[0]
             if limits.bounded:
-                yield first, limits, f"{name}.{TURN}" if part.name == TURN else first
+                yield LimitedRange(first, limits, reported(name, part, first))
 
 
-def speed_limited(mechanism: Mechanism) -> Iterator[tuple[tuple[str, ...], float, str]]:
-    """Yield what has a limit of speed: its rates (three of a free turn, limited together), the
-    limit, and the name to report."""
+def speed_limited(mechanism: Mechanism) -> Iterator[LimitedSpeed]:
+    """Yield the rates that have a limit of speed."""
     for name, joint in mechanism.joints.items():
         for part in joint.parts(name):
             if (speed := part.effects.limits.speed) is not None:
-                yield part.rates, speed, f"{name}.{TURN}" if part.name == TURN else part.rates[0]
+                yield LimitedSpeed(part.rates, speed, reported(name, part, part.rates[0]))
+
+
+def reported(joint: str, part: JointFreedom, own: str) -> str:
+    """Return the name by which a part of a joint is reported: its own, or the turn's."""
+    return f"{joint}.{TURN}" if part.name == TURN else own
 
 
 def undriven_speeds(mechanism: Mechanism) -> Iterator[tuple[tuple[str, ...], float]]:
     """Yield the rates and limits of speed of what is no actuator by itself."""
-    for rates, speed, _ in speed_limited(mechanism):
-        if len(rates) != 1 or rates[0] not in mechanism.actuators:
-            yield rates, speed
+    for limit in speed_limited(mechanism):
+        if len(limit.rates) != 1 or limit.rates[0] not in mechanism.actuators:
+            yield limit.rates, limit.speed
 
 
 def meetings(mechanism: Mechanism) -> tuple[str, ...]:

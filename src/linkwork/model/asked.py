@@ -21,7 +21,14 @@ from linkwork.checks import amount
 from linkwork.equations import Equations, body_motion, functions
 from linkwork.equations.algebra import SX, matrix_quaternion, wrapped
 from linkwork.equations.effects import rotation_vector
-from linkwork.equations.task import held_task, pointing_of, task_map, told, whole_rotation
+from linkwork.equations.task import (
+    held_task,
+    mapped_rows,
+    pointing_of,
+    task_map,
+    told,
+    whole_rotation,
+)
 from linkwork.equations.tree import Tree
 from linkwork.errors import LinkworkError
 from linkwork.kernels import Kernel, compile_function
@@ -30,7 +37,6 @@ from linkwork.mechanism.task import ROTATION, TaskCoordinate, is_angle, is_lengt
 from linkwork.model.asked_rows import (
     Rows,
     joint_rows,
-    mapped_rows,
     quaternion_product,
     straight_part,
     tool_rows,
@@ -242,10 +248,10 @@ class ToolAsked:
         return tool_rows(equations, self.held)
 
     def along(self, equations: Equations, part: ca.SX) -> tuple[ca.SX, ca.SX]:
-        x, y = mapped_rows(equations, self.held)[0], SX.sym("y", len(self.held))
+        tool, y = equations.mechanism.first_tool, SX.sym("y", len(self.held))
+        x, _ = mapped_rows(equations.tree, tool, self.held)
         there = straight_part(x, y, part, self.wraps)
         if self.rotation:
-            tool = equations.mechanism.first_tool
             R = ca.reshape(body_motion.tool_pose(equations.tree, tool).orientation, 3, 3).T
             begin, end = matrix_quaternion(R), vector_quaternion(y[self.rotation])
             turn = rotation_vector(quaternion_product(end, begin * ca.DM([1, -1, -1, -1])))

@@ -15,7 +15,7 @@ import numpy as np
 from linkwork.equations import Equations, body_motion
 from linkwork.equations.algebra import SX, matrix_quaternion
 from linkwork.equations.effects import rotation_vector
-from linkwork.equations.task import task_map, whole_rotation
+from linkwork.equations.task import mapped_rows, whole_rotation
 from linkwork.mechanism.task import ROTATION, TaskCoordinate, is_angle
 
 
@@ -48,7 +48,7 @@ def tool_rows(equations: Equations, task: Sequence[TaskCoordinate]) -> Rows:
     """
     tool = equations.mechanism.first_tool
     orientation, y = body_motion.tool_pose(equations.tree, tool).orientation, SX.sym("y", len(task))
-    x, _ = mapped_rows(equations, task)
+    x, _ = mapped_rows(equations.tree, tool, task)
     errors = [
         short_way(x[k] - y[k]) if is_angle(item) else x[k] - y[k] for k, item in enumerate(task)
     ]
@@ -63,16 +63,7 @@ def tool_rows(equations: Equations, task: Sequence[TaskCoordinate]) -> Rows:
 
 def task_rows(equations: Equations, task: Sequence[TaskCoordinate]) -> ca.SX:
     """Return the task Jacobian J (k x nv), x' = J w; of a whole rotation vector rows of omega."""
-    return mapped_rows(equations, task)[1]
-
-
-def mapped_rows(equations: Equations, task: Sequence[TaskCoordinate]) -> tuple[ca.SX, ca.SX]:
-    """Return x (k) and J (k x nv) of task coordinates."""
-    tool = equations.mechanism.first_tool
-    J, _ = body_motion.tool_twist(equations.tree, tool, SX.zeros(equations.nv))
-    pose = ca.vertcat(*body_motion.tool_pose(equations.tree, tool))
-    x, E, _ = task_map(tuple(task)).call([pose, SX.zeros(6)], True, False)
-    return x, ca.mtimes(ca.sparsify(E), J)
+    return mapped_rows(equations.tree, equations.mechanism.first_tool, task)[1]
 
 
 def straight_part(begin: ca.SX, y: ca.SX, part: ca.SX, wraps: np.ndarray) -> ca.SX:

@@ -180,11 +180,21 @@ def rough(tree: Tree, motion: Led, step: float) -> list[int]:
     places, rates = own_rates(tree)
     units = tree.rate_units[rates]
     q, w, dw = motion[0][:, places], motion[1][:, rates], motion[2][:, rates]
-    told = step / 2 * (w[1:] + w[:-1]) - step**2 / 12 * np.diff(dw, axis=0)
-    off, size = np.abs(np.diff(q, axis=0) - told) / units, np.abs(told) / units
-    return np.flatnonzero(
-        off.max(axis=1, initial=0.0) > ROUGH * size.max(axis=1, initial=0.0) + FLOOR
-    ).tolist()
+    told = ways_told(step, w, dw)
+    return untold((np.diff(q, axis=0) - told) / units, told / units)
+
+
+def ways_told(h: float | np.ndarray, w: np.ndarray, dw: np.ndarray) -> np.ndarray:
+    """Return the ways between samples that rates and accelerations (K, k) tell (K - 1, k); h: times
+    between these."""
+    return h / 2 * (w[1:] + w[:-1]) - h**2 / 12 * np.diff(dw, axis=0)
+
+
+def untold(off: np.ndarray, told: np.ndarray) -> list[int]:
+    """Return the intervals whose ways are off by more than a small part of what is told of them
+    (K - 1, k each), in own units."""
+    most, whole = (np.abs(part).max(axis=1, initial=0.0) for part in (off, told))
+    return np.flatnonzero(most > ROUGH * whole + FLOOR).tolist()
 
 
 def apart(tree: Tree, difference: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from linkwork.mechanism.joints import TURN
-from linkwork.mechanism.limits import limited, speed_limited
+from linkwork.mechanism.limits import LimitedSpeed, limited, speed_limited
 
 if TYPE_CHECKING:
     from linkwork.model.model import Model
@@ -73,8 +73,8 @@ def bounds_of(robot: Model) -> Bounds:
     return Bounds(places.astype(int), turning > 0, values, signs, rounding, said)
 
 
-def speeds_of(robot: Model) -> tuple[tuple[tuple[str, ...], float, str], ...]:
-    """Return what has a limit of speed, as `speed_limited` yields it."""
+def speeds_of(robot: Model) -> tuple[LimitedSpeed, ...]:
+    """Return what has a limit of speed."""
     return tuple(speed_limited(robot.mechanism))
 
 

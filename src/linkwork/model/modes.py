@@ -22,7 +22,8 @@ from linkwork.equations.chart import Chart, chart_of, choose_orders, constancy, 
 from linkwork.equations.independence import independent_rows
 from linkwork.model.asked import Asked
 
-# Configurations around the reference at which rows are looked at, and how far they are from it.
+# Configurations around the reference at which rows are looked at, and how far they are from it, in
+# own units.
 SAMPLES, SPREAD = 4, 0.02
 FLAT = 1e-5  # determinant, relative to its size around the reference, whose sign is not told
 
@@ -129,12 +130,14 @@ def modes_of(equations: Equations, p: np.ndarray, asked: Asked) -> ModeStages:
     A = ca.vertcat(Phi, asked.expressed(equations).J)
     read = ca.Function("A", [tree.q, equations.p], [ca.densify(A)])
     random = np.random.default_rng(1998)
-    around = SPREAD * random.standard_normal((SAMPLES, equations.nq))
+    around = SPREAD * tree.units * random.standard_normal((SAMPLES, equations.nq))
     samples = [np.array(read(equations.reference + aside, p)) for aside in (0 * around[0], *around)]
     # Where angles have no rates at the reference (a roll upright), what is around it tells.
     samples = [sample for sample in samples if np.isfinite(sample).all()]
     order = [*equations.chart.rows, *range(Phi.shape[0], A.shape[0])]
-    kept = [order[k] for k in independent_rows([sample[order] for sample in samples])]
+    units = np.concatenate([equations.rows.units, asked.units])
+    in_own_units = np.reshape(samples, (-1, *A.shape)) * (tree.rate_units / units[:, None])
+    kept = [order[k] for k in independent_rows([*in_own_units[:, order]])]
     if not len(kept) == len(order) == equations.nv:
         return ModeStages()
     pattern, read_off, stages = constancy(A), np.array(samples), []
@@ -144,10 +147,7 @@ def modes_of(equations: Equations, p: np.ndarray, asked: Asked) -> ModeStages:
         if not all(pattern[r].get(c, True) for r in rows_of for c in columns):
             size = float(np.abs(determinant(read_off, rows_of, columns)).max())
             stages.append(ModeStage(rows_of, columns, max(size, 1e-300)))
-    units = np.concatenate([equations.rows.units, asked.units])
-    ((_, blocks, _),) = choose_orders(
-        pattern, read_off[None] * (tree.rate_units / units[:, None]), kept, ()
-    )
+    ((_, blocks, _),) = choose_orders(pattern, in_own_units[None], kept, ())
     ones = [1.0 for stage in blocks for _ in stage]
     every = stages_by_all_rows(parts, stages, {row: {*pattern[row]} for row in pattern}, kept)
     return ModeStages(tuple(stages), chart_of(blocks, ones, kept, (), equations.nv), every)

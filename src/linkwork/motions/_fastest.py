@@ -85,7 +85,7 @@ class ActuatorLimits:
         """Return the limits of a robot's actuators by kind, infinite where neither these nor its
         description have one."""
         found = self.of(robot.actuators)
-        described = {rates: speed for rates, speed, _ in speed_limited(robot.mechanism)}
+        described = {limit.rates: limit.speed for limit in speed_limited(robot.mechanism)}
         own = np.array([described.get((name,), inf) for name in robot.actuators])
         return {**found, "speed": np.where(np.isinf(found["speed"]), own, found["speed"])}
 
@@ -159,6 +159,14 @@ def fastest(
     return found
 
 
+def require_limits(limits: object) -> None:
+    """Refuse what are no limits of actuators."""
+    if not isinstance(limits, ActuatorLimits):
+        raise LinkworkError(
+            f"the limits are {checks.shown(limits)}; give motions.ActuatorLimits(force=...)"
+        )
+
+
 @announced("finding the law of the least time")
 def least_time(
     robot: Robot,
@@ -170,10 +178,7 @@ def least_time(
     """Return what `fastest` does, without its warnings."""
     # What is asked fits the robot.
     checks.needed(robot, Robot)
-    if not isinstance(limits, ActuatorLimits):
-        raise LinkworkError(
-            f"the limits are {checks.shown(limits)}; give motions.ActuatorLimits(force=...)"
-        )
+    require_limits(limits)
     require_no_bearings(
         robot.mechanism.joints,
         "the law of the least time, for which forces are linear, leaves out",

@@ -19,13 +19,12 @@ import numpy as np
 
 from linkwork.equations.algebra import wrapped
 from linkwork.errors import LinkworkError
+from linkwork.model.led_path import SAME, untold, ways_told
 from linkwork.model.state import Motion, State
 from linkwork.robot import Robot
 
-ROUGH, FLOOR = 0.1, 1e-7  # part of the way between samples, and own units, by which they differ
 PARTS, DEPTH = 16, 3  # of an interval, and how often these are parted themselves
 LEAP, SEEN = 4.0, 1e-4  # how much longer a leap is than the longest way that rates tell, own units
-SAME = 1e-6  # distance of configurations that are one, in own units
 
 Led = Callable[[np.ndarray, State], Motion]
 """A motion at some times, from a state."""
@@ -39,8 +38,7 @@ def require_no_leap(
     names: of the coordinates that are led; led: the same motion at other times
     """
     off, told, longest = ways_between(robot, motion)
-    most = [part.max(axis=1, initial=0.0) for part in (off, told)]
-    for k in np.flatnonzero(most[0] > ROUGH * most[1] + FLOOR).tolist():
+    for k in untold(off, told):
         begin, end = motion.time[k : k + 2].tolist()
         leaps = (off[k] > LEAP * longest[k] + SEEN).any()
         if depth:
@@ -62,7 +60,7 @@ def ways_between(robot: Robot, motion: Motion) -> tuple[np.ndarray, np.ndarray, 
     h, x = np.diff(motion.time)[:, None], motion.positions
     units, _, rates = own_rates(robot)
     v, a = motion.joint_rates[:, rates], motion.joint_accelerations[:, rates]
-    told = (h / 2 * (v[1:] + v[:-1]) - h**2 / 12 * np.diff(a, axis=0)) / units
+    told = ways_told(h, v, a) / units
     longest = h * np.maximum(np.abs(v[1:]), np.abs(v[:-1])) / units
     return np.abs(way(robot, x[:-1], x[1:]) - told), np.abs(told), longest
 

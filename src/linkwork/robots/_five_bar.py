@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from linkwork.mechanism import Body, Frame, Inertia, Mechanism, RevoluteJoint, Tool
+from linkwork.mechanism import Frame, Mechanism, RevoluteJoint, Tool
+from linkwork.robots.plane import uniform_rod
 from linkwork.robots.uniform import require_kinds
 
 
@@ -27,14 +28,9 @@ def five_bar(
     """
     require_kinds(five_bar, locals())
 
-    def rod(length: float, mass: float) -> Body:
-        return Body(
-            mass=mass, centre_of_mass=(length / 2, 0, 0), inertia=Inertia(zz=mass * length**2 / 12)
-        )
-
     # Two links on either side, each along its own x axis.
-    bodies = {f"proximal_{i}": rod(proximal, proximal_mass) for i in (1, 2)}
-    bodies |= {f"distal_{i}": rod(distal, distal_mass) for i in (1, 2)}
+    bodies = {f"proximal_{i}": uniform_rod(proximal_mass, proximal) for i in (1, 2)}
+    bodies |= {f"distal_{i}": uniform_rod(distal_mass, distal) for i in (1, 2)}
     # Both motors stand on the ground; the tip closes the loop.
     joints = {
         "motor_1": RevoluteJoint(connects=("ground", "proximal_1")),

@@ -72,8 +72,9 @@ def rails_of(robot: Robot, roles: Sequence[str]) -> tuple[Rail, ...]:
 
     roles: of its parts, among which the rails stand in the order of their joints
     """
-    scene, bounds = scene_of(robot, robot.home), {k: own for k, own, _ in limited(robot.mechanism)}
-    joints, poses = {joint.name: joint for joint in scene.pose.joints}, robot.body_poses(robot.home)
+    scene = scene_of(robot, robot.home)
+    bounds = {own.coordinate: own.limits for own in limited(robot.mechanism)}
+    joints, poses = {joint.name: joint for joint in scene.pose.joints}, scene.pose.poses
     shown = (part for part in scene.parts if part.role == RAIL)
     numbers = (k for k, role in enumerate(roles) if role == RAIL)
     found = []

@@ -94,7 +94,7 @@ class Scene:
         allowed."""
         mechanism, planar = self.robot.mechanism, self.robot.planar
         pose, size = self.pose, self.size
-        limits = None if self.shown else dict((label, own) for label, own, _ in limited(mechanism))
+        limits = None if self.shown else {own.coordinate: own.limits for own in limited(mechanism)}
         return (
             *self.sheets,
             *surfaces.solid_parts(self.touching, size),

@@ -163,11 +163,17 @@ class Skeleton:
         )
 
 
+def poses_of(robot: Robot, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return places and turns of the ground and of all bodies in one or more states."""
+    axes = np.broadcast_to(np.eye(3), (*state.batch, 3, 3))
+    return {GROUND: (np.zeros((*state.batch, 3)), axes)} | robot.body_poses(state)
+
+
 def skeleton(robot: Robot, state: State) -> Skeleton:
     """Return the points, axes and tools of a robot in one state."""
     # Where bodies, mass centres, joints, springs and tools are.
     mechanism = robot.mechanism
-    poses = {GROUND: (np.zeros(3), np.eye(3))} | robot.body_poses(state)
+    poses = poses_of(robot, state)
     centres = {
         name: placed(poses[name], body.centre_of_mass)
         for name, body in mechanism.bodies.items()

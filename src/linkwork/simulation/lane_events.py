@@ -52,8 +52,8 @@ from linkwork.simulation.lane_tables import (
 )
 from linkwork.simulation.native_between import resized
 from linkwork.simulation.native_events import LOOKS, MOST, TINY
-from linkwork.simulation.native_loop import SMALLEST_STEP
 from linkwork.simulation.native_memory import INTEGRATION, furnish, integration_at, memory_for
+from linkwork.simulation.native_pace import shortest_step
 from linkwork.simulation.native_parts import (
     OK,
     Inputs,
@@ -83,9 +83,6 @@ from linkwork.simulation.vectors import (
 )
 
 EVENT = int(Status.EVENT)
-FIRST_ROWS = 64
-
-
 STARTING, STEPPING, BEHIND = range(3)
 """Moments at which the lanes are about events: see `lane_happenings`."""
 
@@ -302,13 +299,8 @@ def wanted(lane, now, tally):
     near, fails = now[WANTED, lane] > 0, tally[AILMENT, lane] != OK
     if now[ACCEPTS, lane] > 0 or fails or not near:
         return near and now[ACCEPTS, lane] > 0
-    return now[LIVE, lane] > 0 and now[STEP, lane] < TINY * shortest(lane, now)
-
-
-@njit(**INLINED)
-def shortest(lane, now):
-    """Return the shortest step of the member in a lane."""
-    return SMALLEST_STEP * max(now[STOP, lane], now[STOP, lane] - now[START, lane])
+    shortest = shortest_step(now[START, lane], now[STOP, lane])
+    return now[LIVE, lane] > 0 and now[STEP, lane] < TINY * shortest
 
 
 @njit(**OPTIONS)
@@ -332,7 +324,7 @@ def set_step(alone, lane, signals, closure_tol, tables, places):
     alone.pending, alone.evaluations = method.stages - known, 0
     alone.ailment, alone.least, alone.halted, alone.ends = OK, 0.0, 0, LOOKS
     alone.target = now[TARGET, lane]
-    alone.shortest = shortest(lane, now)
+    alone.shortest = shortest_step(now[START, lane], now[STOP, lane])
 
 
 @njit(**OPTIONS)

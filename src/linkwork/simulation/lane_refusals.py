@@ -38,13 +38,12 @@ from linkwork.simulation.lane_tables import (
 from linkwork.simulation.native_loop import (
     LOOK,
     NEAR,
-    SMALLEST_STEP,
     STEP_UNDERFLOW,
     STIFF,
     TOO_MANY_STEPS,
     VOTES,
 )
-from linkwork.simulation.native_pace import RETREAT, SAFETY, SMALLEST_FACTOR
+from linkwork.simulation.native_pace import RETREAT, SAFETY, SMALLEST_FACTOR, shortest_step
 from linkwork.simulation.native_parts import CLOSURE_LOST, NON_FINITE, OK, SINGULAR
 from linkwork.simulation.vectors import LANES
 
@@ -57,7 +56,7 @@ def goes_on(lane, now, tally):
         return False
     if tally[ACCEPTED, lane] + tally[REJECTED, lane] >= tally[MOST, lane]:
         tally[STATUS, lane] = TOO_MANY_STEPS
-    elif now[STEP_SIZE, lane] < SMALLEST_STEP * max(stop, stop - now[START, lane]):
+    elif now[STEP_SIZE, lane] < shortest_step(now[START, lane], stop):
         tally[STATUS, lane] = tally[CAUSE, lane]
     return tally[STATUS, lane] == OK
 

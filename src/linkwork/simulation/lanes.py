@@ -29,7 +29,6 @@ from numba import njit, types
 from linkwork.simulation.compiled import INLINED, OPTIONS, compiled_once
 from linkwork.simulation.lane_events import (
     BEHIND,
-    FIRST_ROWS,
     OCCASIONS,
     SIGNALS,
     STARTING,
@@ -82,7 +81,7 @@ from linkwork.simulation.lane_tables import (
 )
 from linkwork.simulation.lane_turns import large, settle
 from linkwork.simulation.lane_watch import LaneSignals, inspect, mark_bent, mark_unsure
-from linkwork.simulation.native_loop import LOOK
+from linkwork.simulation.native_loop import FIRST_ROWS, LOOK
 from linkwork.simulation.native_pace import sixteenths
 from linkwork.simulation.native_parts import OK, RESERVE, Kernels, method_of
 from linkwork.simulation.pointers import pointer, uncounted

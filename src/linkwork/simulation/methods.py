@@ -49,10 +49,8 @@ METHODS: Mapping[MethodName, Entry] = {
     "dormand_prince": Entry(
         Tableau,
         lambda: DORMAND_PRINCE,
-        (
-            "order 5, steps by the error: chosen otherwise, with sampled forces or a sampled "
-            "controller"
-        ),
+        "order 5, steps by the error: chosen otherwise, with sampled forces or a sampled "
+        "controller",
     ),
     "dop853": Entry(Tableau, dop853, "order 8: tolerances of 1e-10 and below"),
     "rodas": Entry(

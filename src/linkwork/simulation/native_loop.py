@@ -38,6 +38,7 @@ from linkwork.simulation.native_pace import (
     after_retreat,
     after_success,
     first_step,
+    shortest_step,
 )
 from linkwork.simulation.native_parts import (
     CLOSURE_LOST,
@@ -71,7 +72,6 @@ EVENT = int(Status.EVENT)
 STIFF = int(Status.STIFF)
 
 NEAR = 2.0  # a pivot this close to its bound, relative to it, is at it
-SMALLEST_STEP = 16 * 2.0**-52  # relative to the time and to the duration
 FIRST_ROWS = 64
 LOOK = 1024
 """Accepted steps from one look for stiffness to the next, and more than a stiff run ends with."""
@@ -142,7 +142,7 @@ def begin(kernels, p, plan, tolerance, conditions, signal, seen, given, save_at,
     # What stays as it is over the run.
     run.kernels, run.inputs, run.method = Kernels(*kernels), inputs, method
     course = run.course = RunCourse(*given)
-    run.shortest = SMALLEST_STEP * max(course.stop, course.stop - course.start)
+    run.shortest = shortest_step(course.start, course.stop)
     run.limits = StepLimits(
         pointer(tolerance), pointer(tolerance) + n,
         course.pivot_bound, course.closure_tol, course.stability, course.max_step,

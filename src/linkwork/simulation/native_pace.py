@@ -18,6 +18,7 @@ from numba import njit
 from linkwork.simulation.compiled import INLINED, OPTIONS
 from linkwork.simulation.native_parts import OK, evaluate, force, scaled
 
+SMALLEST_STEP = 16 * 2.0**-52  # relative to the time and to the duration
 SAFETY = 0.9
 SMALLEST_FACTOR, LARGEST_FACTOR = 0.2, 10.0
 DAMPING = 0.85
@@ -47,6 +48,12 @@ class Rhythm(NamedTuple):
     growth: float
     longest: float
     ideal: float
+
+
+@njit(**INLINED)
+def shortest_step(start, stop):
+    """Return the shortest step of a run between two times."""
+    return SMALLEST_STEP * max(stop, stop - start)
 
 
 @njit(**INLINED)

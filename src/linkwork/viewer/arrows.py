@@ -6,7 +6,7 @@ arc about its axis, by the right-hand rule; the largest is three quarters of a t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -14,10 +14,10 @@ import numpy as np
 
 from linkwork.equations.algebra import rotation_matrix
 from linkwork.equations.joints import motions_of
-from linkwork.mechanism import GROUND, PairJoint
+from linkwork.mechanism import PairJoint
 from linkwork.robot import Robot, State
 from linkwork.scene.curves import across
-from linkwork.scene.skeleton import after_turns
+from linkwork.scene.skeleton import after_turns, poses_of
 
 LONGEST = 0.28  # arrow, relative to the mechanism
 # Of arcs: radius relative to the mechanism, angle, pieces.
@@ -142,13 +142,10 @@ class ArrowField:
     def of(cls, robot: Robot, size: float) -> ArrowField:
         return cls(robot, size, actuators_of(robot))
 
-    def poses(self, state: State) -> Mapping[str, tuple[np.ndarray, np.ndarray]]:
-        return {GROUND: (np.zeros(3), np.eye(3)), **self.robot.body_poses(state)}
-
     def forces(self, state: State, u: np.ndarray) -> Arrows:
         """Return the forces and moments u (actuators) [N, N m] of actuators of joints on the outer
         bodies."""
-        poses = self.poses(state)
+        poses = poses_of(self.robot, state)
 
         def rows():
             for acting, value in zip(self.actuators, u, strict=True):
@@ -166,7 +163,7 @@ class ArrowField:
     def reactions(self, state: State, u: np.ndarray) -> Arrows:
         """Return the forces [N] that joints exert on their second bodies under actuator forces
         u."""
-        poses, found = self.poses(state), self.robot.reactions(state, u)
+        poses, found = poses_of(self.robot, state), self.robot.reactions(state, u)
         pairs = self.robot.mechanism.pairs
 
         def rows():

@@ -20,6 +20,7 @@ from linkwork.robot import Robot, State
 from linkwork.scene.fixtures import Fixtures, fixtures_of
 from linkwork.scene.layout import PartLayout, Placement
 from linkwork.scene.rails import Rail, along, grown, rails_of
+from linkwork.scene.skeleton import poses_of
 from linkwork.simulation import Run
 from linkwork.viewer.arrows import NOTHING, ArrowField, ArrowLines, Arrows, drawn
 from linkwork.viewer.hand_goals import HandGoal, ToolGoal, rotation_matrix
@@ -346,7 +347,7 @@ class Session:
         )
         # Forces, and poses of all bodies, for which the rails are long enough.
         u = self.forces()
-        poses = {GROUND: (np.zeros(3), np.eye(3)), **robot.body_poses(state)}
+        poses = poses_of(robot, state)
         self.rails = grown(self.rails, poses)
         conditioned = measured(robot, state, CONDITIONING)
         told = conditioned if self.measure == CONDITIONING else measured(robot, state, self.measure)

@@ -26,6 +26,7 @@ from linkwork.scene.layout import quaternions, quaternions_along
 from linkwork.scene.meshes import Mesh
 from linkwork.scene.rails import along, rails_of
 from linkwork.scene.scene import upwards
+from linkwork.scene.skeleton import poses_of
 from linkwork.simulation import Run
 from linkwork.views.glb import Glb
 from linkwork.views.motion import nearest_samples, timed_states, tool_places
@@ -93,7 +94,7 @@ def keys_of(robot: Robot, motion: Run | Motion | State, fps: float) -> tuple[np.
 def scene_file(robot: Robot, time: np.ndarray, states: State) -> bytes:
     """Return the bytes of a file with a robot in states (K,) at times (K,) [s]."""
     file, shown = Glb(f"Linkwork {version('linkwork')}"), fixtures_of(robot)
-    poses = robot.body_poses(states)
+    poses = poses_of(robot, states)
     # What stands still: the ground, with rails as long as the motion needs, and the tool's path.
     rails = along(rails_of(robot, [part.role for part in shown.parts]), robot, states)
     laid = {rail.part: rail for rail in rails}
@@ -105,12 +106,10 @@ def scene_file(robot: Robot, time: np.ndarray, states: State) -> bytes:
     nodes = [file.node(name=GROUND, children=still)]
     # What moves: bodies, and spans between points of two of them.
     carried: list[tuple[str | int, str, Keys]] = [
-        (name, name, (place, quaternions(turn), None)) for name, (place, turn) in poses.items()
+        (name, name, (poses[name][0], quaternions(poses[name][1]), None)) for name in robot.bodies
     ]
-    everything = {GROUND: (np.zeros((len(time), 3)), np.tile(np.eye(3), (len(time), 1, 1)))} | poses
     carried += [
-        (k, " - ".join(span.bodies), stretched(span, everything))
-        for k, span in enumerate(shown.spans)
+        (k, " - ".join(span.bodies), stretched(span, poses)) for k, span in enumerate(shown.spans)
     ]
     for carrier, name, keys in carried:
         children = on_carrier(file, shown, carrier, {})

@@ -13,13 +13,17 @@ from linkwork.formats.mjcf.fluid_elements import axes_of_box
 from linkwork.formats.mjcf.geoms import BETWEEN, corners_of, mesh_file, size_of
 from linkwork.formats.mjcf.laws import number, numbers
 from linkwork.formats.mjcf.model_plan import Move, Seat
+from linkwork.formats.mjcf.principal import principal_axes
 from linkwork.formats.mjcf.sheet import Sheet, placed, put, put_graded
 from linkwork.formats.mjcf.tree import UNLIMITED, WORLD
 from linkwork.mechanism import Body, MechanismError, Shape
 from linkwork.mechanism.body import rigid
 
-POINT_RADIUS = 1e-4  # radius of gyration given to bodies without inertia, which MuJoCo refuses [m]
-LEAST = 1e-14  # least moment of inertia that is written; MuJoCo refuses those below 1e-15 [kg m^2]
+# Radius of gyration given to bodies without inertia, which MuJoCo refuses [m]; as part of the
+# mechanism's size, where that is less.
+POINT_RADIUS, POINT_PART = 1e-4, 1e-3
+LEAST, LEAST_IN_FULL = 1e-15, 1e-14
+"""Least moments of inertia that MuJoCo takes, about principal axes and of tensors [kg m^2]."""
 POINT_MASS = 1e-8  # mass given to bodies without it, as part of the mechanism's mass
 FLAT = 1e-10
 """What is added to flat bodies, as part of their greatest moment: MuJoCo has no tolerance for a + b
@@ -120,17 +124,13 @@ def write_inertial(sheet: Sheet, element: ET.Element, seat: Seat, body: Body) ->
             f"moments of flat bodies are written larger by {FLAT:g} of the greatest: MuJoCo "
             "refuses one that is the sum of the others but for its rounding"
         )
-    if seat.moves and a < LEAST:
-        added = max(mass * POINT_RADIUS**2, LEAST)
-        I = I + added * np.eye(3)  # noqa: E741
-        if seat.share:
-            sheet.notes.say(
-                f"bodies.{seat.body}: has no inertia about some axis, which MuJoCo refuses; "
-                f"a radius of gyration of {np.sqrt(added / mass):.3g} m is added"
-            )
-    # In the axes of the shape that has them, or in the body's own.
+    if seat.moves and a < LEAST_IN_FULL:
+        I = I + raised(sheet, seat, mass, float(a)) * np.eye(3)  # noqa: E741
+    # In the axes of the shape that has them, or in the body's own, if MuJoCo takes these.
     given = {"pos": numbers(body.centre_of_mass), "mass": number(mass)}
     R = axes_of_box(sheet, seat)
+    if R is None and seat.moves and np.linalg.eigvalsh(I)[0] < LEAST_IN_FULL:
+        R = principal_axes(I)
     if R is None:
         elements = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
         given["fullinertia"] = numbers(elements)
@@ -140,9 +140,30 @@ def write_inertial(sheet: Sheet, element: ET.Element, seat: Seat, body: Body) ->
     ET.SubElement(element, "inertial", attrib=given)
 
 
+def raised(sheet: Sheet, seat: Seat, mass: float, least: float) -> float:
+    """Return what is added to the moments of a body that moves whose least one is small [kg m^2],
+    and note it."""
+    point = mass * min(POINT_RADIUS, POINT_PART * sheet.size) ** 2
+    if least < point or not seat.share:
+        added = max(point, LEAST)
+        if seat.share:
+            sheet.notes.say(
+                f"bodies.{seat.body}: has no inertia about some axis, which MuJoCo refuses; "
+                f"a radius of gyration of {np.sqrt(added / mass):.3g} m is added"
+            )
+        return added
+    if least >= LEAST:
+        return 0.0
+    sheet.notes.say(
+        f"bodies.{seat.body}: has a moment of inertia of {least:.3g} kg m^2, less than MuJoCo "
+        f"takes; all of its moments are written larger by {LEAST - least:.3g}"
+    )
+    return LEAST - least
+
+
 def joint_of(sheet: Sheet, move: Move, into: np.ndarray) -> ET.Element:
     """Return a joint in a body's frame; `into` turns ground's components into the body's."""
-    friction, spring, limits, rotor, _ = move.effects
+    friction, spring, limits = move.effects[:3]
     element = ET.Element("joint", name=move.name, type=move.kind)
     if move.kind != "free":
         element.set("pos", numbers(poses.point(into, move.anchor)))
@@ -153,7 +174,7 @@ def joint_of(sheet: Sheet, move: Move, into: np.ndarray) -> ET.Element:
     put(element, "frictionloss", friction.coulomb)
     put_graded(element, "stiffness", spring.pulls)
     put(element, "springref", spring.rest if any(spring.pulls) else 0.0)
-    put(element, "armature", rotor)
+    put(element, "armature", move.effects.rotor)
     if limits.bounded:
         lower = -UNLIMITED if limits.lower is None else limits.lower
         upper = UNLIMITED if limits.upper is None else limits.upper

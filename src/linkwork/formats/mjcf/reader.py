@@ -32,7 +32,7 @@ from linkwork.formats.mjcf.tendons import TendonReader, Tendons
 from linkwork.formats.mjcf.tree import COORDINATES, NEAR, TURNING, ModelTree, read_tree
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
-from linkwork.formats.reading import Reading
+from linkwork.formats.reading import EARTH, Reading
 from linkwork.formats.xml import Element
 from linkwork.mechanism import (
     GROUND,
@@ -48,7 +48,6 @@ from linkwork.mechanism import (
 from linkwork.mechanism.transmissions import Transmission
 from linkwork.solids.solid import together
 
-EARTH = (0.0, 0.0, -9.81)
 HOME = "home"
 FROM_REST = "has a spring, so that its turn is counted from qpos0, where that rests"
 QUATERNION = (".qw", ".qx", ".qy", ".qz")
@@ -117,7 +116,8 @@ def _mechanism(document: Document, notes: Notes, reading: Reading) -> Mechanism:
     closing = loops.closing(ties, names)
     gears = loops.gears(ties, joints, names)
     # All of it, named once; sites that nothing uses are tools.
-    everything: dict[str, Joint] = joints.joints | closing | tendons.joints | gears  # pyright: ignore
+    held = closing | tendons.joints | gears
+    everything: dict[str, Joint] = joints.joints | held  # pyright: ignore
     given = tendons.lines, tendons.elements
     actuation = ActuatorReader(document, tree, joints, *given, names, notes).read()
     tied, transmissions = _tied(tendons, actuation)

@@ -20,7 +20,7 @@ from linkwork.formats.masses import without_noise
 from linkwork.formats.names import FreeNames
 from linkwork.formats.notes import Notes
 from linkwork.formats.programs import note_program
-from linkwork.formats.reading import Reading
+from linkwork.formats.reading import EARTH, Reading
 from linkwork.formats.sdf.includes import ScopeReader
 from linkwork.formats.sdf.joints import JointReader
 from linkwork.formats.sdf.links import shapes_of_link, solid_of_link, survey_link
@@ -44,8 +44,7 @@ from linkwork.mechanism.body import rigid
 from linkwork.mechanism.consistency import neighbours, reached
 from linkwork.solids.solid import Solid
 
-EARTH, WORLDLY = (0.0, 0.0, -9.81), (0.0, 0.0, -9.8)  # usual; of a world that says nothing
-NOISE = 1e-15  # moments of inertia that rounding leaves, relative to mass times squared reach
+WORLDLY = (0.0, 0.0, -9.8)  # gravity of a world that says nothing
 SILENT = (
     *("model", "include", "link", "joint", "frame", "pose", "static", "gravity", "world", "actor"),
     *("self_collide", "allow_auto_disable", "enable_wind", "gui", "scene", "light", "state"),
@@ -145,7 +144,7 @@ def _gravity(top: Scope) -> tuple[float, float, float]:
 def _body(scope: Scope, link: Element, reading: Reading, notes: Notes) -> Body:
     solid = solid_of_link(scope, link, reading, notes)
     reach = float(solid.centre @ solid.centre)
-    tensor = without_noise(solid.inertia, NOISE * abs(solid.mass) * reach)
+    tensor = without_noise(solid.inertia, solid.mass, reach)
     fields = Solid(solid.mass, solid.centre, tensor).fields()
     if not rigid(*np.linalg.eigvalsh(tensor)):
         fields["inertia"]["moments"] = "any"

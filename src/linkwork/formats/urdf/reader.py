@@ -62,8 +62,6 @@ from linkwork.mechanism.body import rigid
 from linkwork.mechanism.joints import ManyFreedoms
 from linkwork.solids.solid import Solid, together
 
-NOISE = 1e-15  # moments of inertia that rounding leaves, relative to mass times squared size
-
 MASSES = {"mass", "inertia", "density"}  # in a link itself, where they are not read
 MASSLESS = (
     "holds no <mass>, which is zero then (a <density>, as some programs write it, is not read)"
@@ -298,7 +296,7 @@ def _solid(link: Element, size: float, notes: Notes) -> Solid:
             given.number(name, 0.0) for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
         )
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        tensor = without_noise(tensor, NOISE * abs(mass) * size**2)
+        tensor = without_noise(tensor, mass, size**2)
     moments = np.linalg.eigvalsh(tensor)
     if moments[0] < -RELATIVE * moments[2]:
         notes.on(

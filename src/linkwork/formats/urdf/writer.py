@@ -21,6 +21,7 @@ from linkwork.equations.topology import Branch, span
 from linkwork.formats import poses
 from linkwork.formats.masses import solid_of, unheld, whole_weights
 from linkwork.formats.mjcf.laws import numbers
+from linkwork.formats.reading import EARTH
 from linkwork.formats.tools_told import tell_tools
 from linkwork.formats.urdf.closings import closings_place, closings_text, write_closing
 from linkwork.formats.urdf.sheet import (
@@ -46,7 +47,6 @@ from linkwork.mechanism.files import write_whole
 from linkwork.mechanism.record import HUGE
 
 DRAKE = "https://drake.mit.edu"  # the namespace of its elements
-EARTH = (0.0, 0.0, -9.81)  # gravity where URDF is used
 FLOATING = ("slide", "slide", "slide", "ball")
 PLANAR, CROSSED = ("slide", "slide", "turn"), ("turn", "turn")
 LOOPS = {
