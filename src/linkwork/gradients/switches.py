@@ -66,7 +66,7 @@ def switching(system: System, chart: CompiledChart, cost: int | None) -> Switchi
 def touching(system: System, chart: CompiledChart) -> Switching | None:
     """Return how the forces of contacts branch in a chart; None where no normal leaps: it does over
     the edge of a field, the rim of a box, between capsules that turn past each other."""
-    if system.acting is None or not edged(system.joined(chart).equations.mechanism):
+    if system.acting is None or not edged(chart.equations.mechanism):
         return None
     key = f"{system.acting.key} touching"
     kernel = chart.compiled(key, lambda _: pressing(system.joined(chart)))
