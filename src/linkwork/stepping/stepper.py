@@ -49,6 +49,7 @@ from linkwork.stepping.errors import StepError
 from linkwork.stepping.long_steps import LongestStep, longest_step
 from linkwork.stepping.native_run import CELL, NativeRun
 from linkwork.stepping.native_stepping import OK, OPEN, PAUSED, UNCOVERED, UNDEFINED, UNFORCED
+from linkwork.stepping.seen_turns import require_followed, seen
 
 if TYPE_CHECKING:
     from linkwork.control import Drive, Wrench
@@ -239,10 +240,11 @@ class Stepper:
     def positions(self) -> np.ndarray:
         """Coordinates of all joints (m) [m, rad], as encoders tell them.
 
-        Whole turns of angles of joints that close loops are followed from one asking to the next.
+        Whole turns of angles of joints that close loops are followed from step to step where a
+        controller or drive reads them, else from one asking to the next.
         """
         read = self._robot.kernel("positions").flat(self.q, self._robot.p)
-        self._seen = self._robot.labels.nearest(read, self._seen)
+        self._seen = seen(self._robot, self._system, read, self._seen, self.z)
         return self._seen
 
     @property
@@ -297,6 +299,7 @@ class Stepper:
             begun, left = self._robot.own(state), None
             if self._system.acting is not None:
                 require_starts(self._system, begun, self._system.parameters)
+                require_followed(self._robot, self._system, begun)
                 tell_leaps(self._robot, begun.q, self._robot.p)
         if time is not None:
             time = require_counted(checks.number(time, "time"), self.dt)
