@@ -108,11 +108,11 @@ class Stepper:
         begun, left, own = (
             resuming.left_by(robot, state) if isinstance(state, Run) else (state, None, {})
         )
-        require_one(robot, begun)
         given = {**own, **(parameters or {})} if own else parameters
         self._robot, self._begun, self._system, self._settings = running.prepared(
             robot, begun, forces, settings, drives, wrenches, given, left
         )
+        require_one(self._robot, self._begun)
         self._left = left
         # Where forces are written: to the inputs over time, in each of their pieces.
         inputs, traced = self._system.inputs, self._system.acting
