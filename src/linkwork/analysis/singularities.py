@@ -179,7 +179,7 @@ def watched(robot: Robot, what: tuple[str, ...] | None) -> Watched:
     """Return what is watched of a robot: the coordinates asked for, or those that the tool is led
     in, or the whole pose."""
     robot.require_tool()
-    stated = task_if_any(robot, near=False)
+    stated = task_if_any(robot)
     if what is not None or stated is not None:
         made = jacobians(robot, labels(stated or ()) if what is None else what)
         return Watched(robot, made.task, made.rows, *made.lengths())
