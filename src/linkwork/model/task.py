@@ -38,8 +38,7 @@ TURNED = 2.0  # rotation vector [rad] up to which two of its components lead a t
 
 def stated(robot: Model) -> Task:
     """Return the task that the description states of the first tool; none where it states none."""
-    mechanism = robot.mechanism
-    return (mechanism.first_tool.task if mechanism.tools else None) or ()
+    return (robot.mechanism.first_tool.task if robot.mechanism.tools else None) or ()
 
 
 def freedoms(robot: Model) -> int:
