@@ -87,7 +87,8 @@ def left_by(robot: Model, run: Run) -> tuple[State, Left, dict[str, float]]:
         for name in ("final_held", "final_turns")
     )
     own = own_numbers(robot, run, "resume it by")
-    return state, Left(start, v[n:], pace, held, turns, last, lowered), own
+    names = tuple(map(str, run.coords["extra"].values)) if "extra" in run.coords else ()
+    return state, Left(start, v[n:], pace, held, turns, last, lowered, names), own
 
 
 def chart_told(robot: Model, text: str, independent: tuple[str, ...]) -> Chart:

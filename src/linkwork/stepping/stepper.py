@@ -311,7 +311,7 @@ class Stepper:
     def _set_out(self, state: State, left: Left | None, time: float) -> None:
         """Begin at a state, with what a run had left there."""
         robot, system = self._robot, self._system
-        _, z, pace, held, turns, last, lowered = left or (time, *[None] * 6)
+        _, z, pace, held, turns, last, lowered, _ = left or (time, *[None] * 7)
         fixed, sampler = self._settings.integrator.step is not None, system.sampler
         control = Control(0, sampler.period, held) if held is not None and sampler else None
         passage = Endless(robot, system, time, np.inf, self._settings, None if fixed else pace)
