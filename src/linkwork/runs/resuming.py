@@ -143,13 +143,22 @@ def recorded(run: Run) -> dict[str, float]:
 def refuse_other_numbers(robot: Model, values: Mapping[str, float], what: str) -> None:
     """Refuse values that a run had of numbers which this robot holds with other ones, not free;
     what: to do by the right one."""
+    for path, (value, held) in held_otherwise(robot, values).items():
+        raise LinkworkError(
+            f"the run had {path} = {value:g}, which is {held:g} here and not free; {what} "
+            f"the robot that it is of, or free the number: robot.free({path!r})"
+        )
+
+
+def held_otherwise(robot: Model, values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Return which of the values that a run tells of the robot holds with others, which it holds,
+    by path; those of controllers and drives are none."""
+    found = {}
     for path, value in values.items():
         try:
             _, held = located(robot.mechanism, path)
         except MechanismError:  # of a controller or a drive
             continue
         if held != value:
-            raise LinkworkError(
-                f"the run had {path} = {value:g}, which is {held:g} here and not free; {what} "
-                f"the robot that it is of, or free the number: robot.free({path!r})"
-            )
+            found[path] = value, held
+    return found

@@ -9,20 +9,21 @@ import numpy as np
 
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot
-from linkwork.runs.resuming import as_in
+from linkwork.runs.resuming import as_in, held_otherwise, recorded
 from linkwork.simulation import Run
 
 ALIKE = 1e-9  # part of the robot's length that places may be apart
 
 
 def shown_robot(robot: Robot, motion: Any) -> Robot:
-    """Return the robot that is seen in a motion: in a run with the values that its free numbers
-    had there.
-
-    Raises:
-        LinkworkError: a run with other values of numbers that are not free.
-    """
-    return as_in(robot, motion) if isinstance(motion, Run) else robot
+    """Return the robot that is seen in a motion: in a run with the values that numbers of its
+    description had there, which are freed where they are not."""
+    if not isinstance(motion, Run):
+        return robot
+    values = recorded(motion).items()
+    others = {path: value for path, value in values if path not in robot.parameters}
+    freed = held_otherwise(robot, others)
+    return as_in(robot.free(*freed) if freed else robot, motion)
 
 
 def require_lengths(robot: Robot, run: Any) -> None:
