@@ -101,7 +101,7 @@ WINGS = {
     "further methods": ("eighth_order", "fixed_steps", "sharp_smart"),
     "sampled controllers": ("observing", "sampled_calls"),
     "singular poses": ("crossing",),
-    "resuming": ("resuming",),
+    "resuming": ("left_states", "resuming"),
     "accounts of runs": (
         *("accuracy", "endings", "fault_sources", "run_record", "runs/quantities", "saved_states"),
         *("stiff_sources", "stiff_trial", "work"),

@@ -6,11 +6,18 @@ import numpy as np
 import pytest
 
 import linkwork as lw
-from linkwork.analysis import content, dexterity, global_conditioning, jacobians, workspace
+from linkwork.analysis import (
+    content,
+    dexterity,
+    global_conditioning,
+    jacobians,
+    singularity,
+    workspace,
+)
 
 from tests.analysis.mechanisms import arm
 from tests.catalogue import built
-from tests.robot.mixed_freedoms import three_legs
+from tests.robot.mixed_freedoms import three_cpr, three_legs, turned
 
 SIGNS = ((1, 1), (-1, 1), (1, -1), (-1, -1))
 
@@ -86,3 +93,36 @@ def test_refusals():
         dexterity(built("bricard"), built("bricard").home)
     with pytest.raises(lw.LinkworkError, match="characteristic length"):
         dexterity(built("prr3"), built("prr3").home, length=-1.0)
+
+
+LEANING = (0.3, -0.2, 0.5)
+
+
+@pytest.mark.parametrize("kind", ["RRS", "RPS"])
+def test_what_a_leaning_tool_is_led_in_is_told_by_all_alike(kind):
+    """On a ground that leans z and two tilts are no coordinates of the pose. Its position, which
+    moves along one direction alone where the platform is level, was told as the task by some."""
+    robot = lw.Robot(turned(three_legs(kind), LEANING))
+    home = robot.home
+    assert robot.task == ()
+    assert singularity(robot, home).held == "the tool"
+    for ask in (
+        robot.task_coordinates,
+        lambda: robot.jacobian(home),
+        lambda: dexterity(robot, home),
+    ):
+        with pytest.raises(lw.LinkworkError, match="name the coordinates"):
+            ask()
+    # What is asked for by so many numbers is still that part of the pose.
+    place = robot.tool_pose(robot.assemble({name: home[name] + 0.05 for name in robot.actuators}))
+    beside = robot.assemble(tool=place[:3])
+    np.testing.assert_allclose(robot.tool_pose(beside)[:3], place[:3], atol=1e-9)
+
+
+@pytest.mark.parametrize("make", [lw.robots.delta, lw.robots.stewart, three_cpr])
+def test_a_leaning_robot_is_as_dexterous_as_an_upright_one(make):
+    upright, leaning = lw.Robot(make()), lw.Robot(turned(make(), LEANING))
+    assert leaning.task == upright.task
+    found = [dexterity(robot, robot.home).singular_values for robot in (upright, leaning)]
+    np.testing.assert_allclose(*found, rtol=1e-9)
+    assert leaning.conditioning(leaning.home) == pytest.approx(upright.conditioning(upright.home))

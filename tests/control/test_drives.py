@@ -385,3 +385,25 @@ def test_numbers_of_a_drive_are_judged_with_those_that_they_are_given_with():
     assert len(members.failed) == 0
     with pytest.raises(lw.LinkworkError, match=sentence):
         robot.ensemble(robot.home, [0.3], {least: [0.1, 0.9], largest: [0.4, 0.6]}, **many)
+
+
+@pytest.mark.parametrize(
+    ("drives", "sentence"),
+    [
+        ({"slide_2": Lag(0.05)}, r"'slide_1.force', where .* have 'slide_2.force'"),
+        ({"slide_1": DCMotor(2.0, 0.05, 0.3)}, r"'slide_1.force', where .* have 'slide_1.current'"),
+    ],
+)
+def test_states_of_other_drives_are_not_gone_on_with(drives, sentence, tmp_path):
+    """A lag's force [N] was taken for a motor's current [A], or for that of another slide."""
+    robot = lw.Robot("prr3")
+    run = robot.simulate(robot.home, [1, 0, 0], duration=0.1, drives={"slide_1": Lag(0.05)})
+    loaded = lw.Run.load(run.save(tmp_path / "run.nc"))
+    for one in (run, loaded, robot.stepper(run, 1e-3, drives={"slide_1": Lag(0.05)}).run):
+        with pytest.raises(lw.LinkworkError, match=sentence):
+            robot.resume(one, [1, 0, 0], duration=0.1, drives=drives)
+        with pytest.raises(lw.LinkworkError, match=sentence):
+            robot.stepper(one, 1e-3, drives=drives)
+        slower = robot.resume(one, [1, 0, 0], duration=0.1, drives={"slide_1": Lag(0.5)})
+        begun = slower["drive_state"].values[0, 0]
+        assert begun == one["drive_state"].values[-1, 0] > 0.8

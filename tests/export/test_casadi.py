@@ -111,6 +111,23 @@ def test_functions_give_the_numbers_of_the_robot(name, chart):
             assert error < (1e-9 if function == "reactions" else 1e-11) * scale, (function, output)
 
 
+def test_reactions_that_are_left_open_are_told_alike_whatever_free_numbers_are():
+    """Which wrenches are the least depends on a length, which is that of the robot's own numbers:
+    in the functions, of a robot with other numbers, and in runs with them."""
+    mechanism = lw.robots.four_bar().model_copy(update={"gravity": (1.0, -9.0, -4.0)})
+    robot = lw.Robot(mechanism).free("rocker_pivot.frames.0.position.x")
+    longer = {path: 1.3 * value for path, value in robot.parameters.items()}
+    other = robot.with_parameters(longer)
+    state = other.state(other.home.positions, [2.0])
+    u = np.ones(len(robot.actuators))
+    own, function = other.reactions(state, u), robot.functions().reactions
+    assert own.indeterminate and np.abs(own.wrenches[:, :2]).max() > 0.1
+    found = function(state.q, state.rates, u, list(longer.values()))[0].full().T
+    np.testing.assert_allclose(found, own.wrenches, rtol=1e-9, atol=1e-9)
+    run = robot.simulate(state, u, duration=0.01, save_at=[0.0], parameters=longer)
+    np.testing.assert_allclose(run.reactions().values[0], own.wrenches, rtol=1e-9, atol=1e-9)
+
+
 def test_reactions_of_a_mechanism_of_micrometres():
     """Their equations are written without units."""
     robot = subjects()["five bar x1e-06 m x1 kg"].robot

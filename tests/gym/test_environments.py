@@ -426,3 +426,34 @@ def test_without_gymnasium_one_sentence_says_what_to_install():
     hidden = "import sys; sys.modules['gymnasium'] = None; import linkwork.gym"
     told = finished("-c", hidden).stderr.splitlines()[-1]
     assert told.endswith('linkwork.gym needs Gymnasium: pip install "linkwork[gym]"')
+
+
+def test_starts_of_which_a_later_one_has_turned_are_seen_and_pulled_so():
+    """The tip of a five-bar that was wound up by a turn, which observation and forces read."""
+    robot = lw.Robot("five_bar")
+    at_tip = np.array([name == "tip" for name in robot.coordinates])
+    places = robot.home.positions + 2 * np.pi * np.array([[0], [1]]) * at_tip
+    process = DecisionProcess(
+        robot,
+        dt=0.01,
+        low=[-1.0, -1.0],
+        high=[1.0, 1.0],
+        observation=lambda t, state: [state["tip"], state["motor_1"]],
+        reward=lambda t, state, action: state["tip"],
+        forces=lambda t, state, action: [action[0] + 0.02 * state["tip"], action[1]],
+        starts=robot.state(places),
+    )
+    envs = Environments(process, num_envs=6, threads=1)
+    seen, _ = envs.reset(seed=1)
+    wound = envs.states["tip"] > 3.0
+    assert wound.any() and not wound.all()
+    np.testing.assert_allclose(seen[:, 0], places[wound.astype(int)][:, at_tip][:, 0])
+    for _ in range(5):
+        seen, reward, *_ = envs.step(np.zeros((6, 2)))
+    np.testing.assert_array_equal(reward, seen[:, 0])
+    for place, which in zip(places, (~wound, wound), strict=True):
+        law = lambda t, state: [0.02 * state["tip"], 0.0]  # noqa: E731
+        run = robot.simulate(robot.state(place), law, duration=0.05, method="rk4", step=0.01)
+        np.testing.assert_allclose(
+            seen[which] - [run.final["tip"], run.final["motor_1"]], 0, atol=1e-12
+        )

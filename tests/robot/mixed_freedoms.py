@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from linkwork import (
     Body,
@@ -122,6 +123,22 @@ def three_cpr() -> Mechanism:
         tools={"centre": Tool(body="platform")},
         reference=reference,
     )
+
+
+def turned(mechanism: Mechanism, by: tuple[float, float, float]) -> Mechanism:
+    """Return a mechanism on a ground that is turned, with its weight, by a rotation vector."""
+    R, joints = Rotation.from_rotvec(by), {}
+
+    def on_ground(frame: Frame) -> Frame:
+        rotation = R * Rotation.from_rotvec(frame.rotation)
+        return at(*R.apply(frame.position), rotation=tuple(rotation.as_rotvec().tolist()))
+
+    for name, joint in mechanism.pairs.items():
+        parts = zip(joint.connects, joint.frames, strict=True)
+        frames = tuple(on_ground(frame) if body == "ground" else frame for body, frame in parts)
+        joints[name] = joint.model_copy(update={"frames": frames})
+    gravity = tuple(R.apply(mechanism.gravity).tolist())
+    return mechanism.model_copy(update={"joints": joints, "gravity": gravity})
 
 
 def knees(foot: np.ndarray) -> tuple[float, float]:

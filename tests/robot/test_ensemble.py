@@ -10,6 +10,7 @@ from linkwork import Sampled, Status
 from linkwork.errors import LinkworkError
 from linkwork.simulation import as_signal
 
+from tests.robot.mixed_freedoms import turned
 from tests.robot.one_by_one import random, require_equal
 
 T = np.linspace(0.0, 0.4, 5)
@@ -98,6 +99,30 @@ def test_each_member_has_its_parameters():
     require_equal(members, runs)
     assert np.array_equal(members.dataset["platform.mass"], values["platform.mass"])
     assert len({run.attrs["final_q"].tobytes() for run in runs}) == 6
+
+
+def test_members_with_lengths_close_their_loops_as_far_as_alone():
+    """To the last bit, where redundant rows have every step's gap measured: of ensembles, and of
+    steppers."""
+    robot = lw.Robot(turned(lw.robots.four_bar(), (0.3, 0.1, 0.0)))
+    robot, N = robot.free(path := "rocker_pin.frames.0.position.x"), 4
+    assert robot.redundant
+    lengths = robot.parameters[path] * np.linspace(1.1, 1.25, N)
+    each = [robot.with_parameters({path: length}) for length in lengths]
+    assert all(other.size == robot.size for other in each)
+    starts = [other.home.with_rates([-20.0]) for other in each]
+    parts = [np.array([getattr(x, k) for x in starts]) for k in ("positions", "rates", "q")]
+    stack = lw.State.known(*parts, starts[0].coordinates, starts[0].independent)
+    members = robot.ensemble(stack, None, {path: lengths}, duration=0.5)
+    many = robot.stepper(stack, 1e-3, parameters={path: lengths}, threads=1)
+    many.step(steps=200)
+    for i, (other, start) in enumerate(zip(each, starts, strict=True)):
+        np.testing.assert_array_equal(
+            members.final.q[i], other.simulate(start, duration=0.5).attrs["final_q"]
+        )
+        one = other.stepper(start, 1e-3)
+        one.step(steps=200)
+        np.testing.assert_array_equal(many.y[i], one.y)
 
 
 def test_a_traced_controller_with_gains_of_each_member(prr3):

@@ -188,6 +188,19 @@ def test_from_a_run_and_back_to_one(robot, begun):
     assert again.z[0] == stepper.z[0] != 0
 
 
+def test_a_state_closed_with_the_lengths_given_is_taken(robot):
+    name = "wrist_1.frames.0.position.x"
+    free = robot.free(name)
+    longer = {name: free.parameters[name] + 0.01}
+    given = free.with_parameters(longer)
+    stepper = free.stepper(given.home, DT, parameters=longer)
+    stepper.step(FORCES, 20)
+    own = given.stepper(given.home, DT)
+    np.testing.assert_array_equal(stepper.y, own.step(FORCES, 20))
+    with pytest.raises(lw.LinkworkError, match="its loops are open by"):
+        free.stepper(free.home, DT, parameters=longer)
+
+
 def test_a_run_of_a_stepper_tells_its_quantities(robot, begun):
     stepper = robot.stepper(begun, DT)
     stepper.step(FORCES, 10)

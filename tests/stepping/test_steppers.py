@@ -61,6 +61,21 @@ def test_each_does_what_it_does_alone(name, size):
     assert robot.closure_error(states).max() < 1e-12
 
 
+def test_starts_are_closed_as_those_of_one(robot):
+    """States whose loops are open by more than runs leave, and by less than states are refused or
+    closed for."""
+    states, u = spread(robot)
+    states = robot.state(states.positions + np.linspace(0, 8e-13, N)[:, None], states.rates)
+    gaps = robot.closure_error(states)
+    assert ((gaps > 2e-13) & (gaps < 1e-12)).sum() > 5
+    many = robot.stepper(states, DT, threads=1)
+    many.step(u)
+    for member in range(N):
+        alone = robot.stepper(states.at(member), DT)
+        alone.step(u[member])
+        require_alike(many, alone, member)
+
+
 @pytest.mark.parametrize(("name", "size"), [("prr3", 0.2), ("rrr3", 1.0)])
 def test_symplectic_steps_are_those_of_one(name, size):
     """From chart to chart, too; of extra states, and of the one that is told alone."""

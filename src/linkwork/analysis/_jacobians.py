@@ -212,7 +212,7 @@ def jacobians(robot: Robot, what: tuple[str, ...] | None = None) -> Jacobians:
             f"the coordinates of the tool are {what!r}; give their names, or call what "
             "jacobians(robot) returns with state.q"
         )
-    return robot.once(_of_systems, of_tool(robot, what, near=False), of_actuators(robot))
+    return robot.once(_of_systems, of_tool(robot, what), of_actuators(robot))
 
 
 def _of_systems(_: Robot, inverse: Square, direct: Square) -> Jacobians:

@@ -50,6 +50,7 @@ from linkwork.model.spread import extent
 from linkwork.model.task import Task, task_if_any
 from linkwork.patience import announced
 from linkwork.robot import Motion, Robot, State
+from linkwork.runs.resuming import as_in
 from linkwork.simulation import Run
 
 if TYPE_CHECKING:
@@ -179,7 +180,7 @@ def watched(robot: Robot, what: tuple[str, ...] | None) -> Watched:
     """Return what is watched of a robot: the coordinates asked for, or those that the tool is led
     in, or the whole pose."""
     robot.require_tool()
-    stated = task_if_any(robot, near=False)
+    stated = task_if_any(robot)
     if what is not None or stated is not None:
         made = jacobians(robot, labels(stated or ()) if what is None else what)
         return Watched(robot, made.task, made.rows, *made.lengths())
@@ -275,6 +276,7 @@ def along(
     """
     import xarray
 
+    robot = as_in(robot, motion) if isinstance(motion, Run) else robot
     made, (axis, values, q) = jacobians(robot, what), samples(robot, motion)
     found = distances(made, q, length)
     turns = length is None and not any(map(is_length, made.task))

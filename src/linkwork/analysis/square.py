@@ -174,22 +174,19 @@ def _of_joints(robot: Robot, names: tuple[str, ...]) -> Square:
     return square(robot, names, rows, robot.labels.sizes[places])
 
 
-def of_tool(robot: Robot, what: Sequence[str] | None = None, near: bool = True) -> Square:
+def of_tool(robot: Robot, what: Sequence[str] | None = None) -> Square:
     """Return the system that asks for task coordinates of the tool, made once for each robot: the
     inverse kinematics.
 
     Args:
         what: names of coordinates, of the tool's task or of any pose (`mechanism.task`); the task
             if left out.
-        near: as in `led_coordinates`.
 
     Raises:
         LinkworkError: no tool; unknown names; coordinates that do not determine the motion.
     """
     robot.require_tool()
-    return robot.once(
-        _of_tool, task.task_of(robot, near) if what is None else task.known(robot, what)
-    )
+    return robot.once(_of_tool, task.task_of(robot) if what is None else task.known(robot, what))
 
 
 def _of_tool(robot: Robot, coordinates: task.Task) -> Square:

@@ -154,7 +154,7 @@ def singularities(
     with patience("judging the configuration"):
         told = analysis.singularity(robot, state, what=names(what))
     near = None
-    if what is None and not (told.tool or told.kinds) and task_if_any(robot, near=False):
+    if what is None and not (told.tool or told.kinds) and task_if_any(robot):
         stack = robot.make_state(state.q[None], np.zeros((1, robot.mobility)))
         near = analysis.along(robot, stack).isel(sample=0)
     if as_json:

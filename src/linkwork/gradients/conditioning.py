@@ -45,7 +45,7 @@ class Conditioning:
         """The coordinates that it is told by, those that the task is held by; none where this has a
         single one at most."""
         robot = self.robot
-        task = (task_if_any(robot, near=False) if robot.mechanism.tools else None) or ()
+        task = (task_if_any(robot) if robot.mechanism.tools else None) or ()
         return held_task(task) if len(task) > 1 else ()
 
     @cached_property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, ClassVar, NoReturn
 
 import numpy as np
@@ -99,7 +100,8 @@ class Environments(VectorEnv):
         starts = starts_of(process)
         self._starts = steppers_of(process, starts, 1)
         tell_long_step(self._starts.dt, self._starts.longest_step)
-        self._robots = steppers_of(process, stacked(starts.at(0), self.num_envs), threads)
+        begun = stacked(turned(process, starts), self.num_envs)
+        self._robots = steppers_of(process, begun, threads)
         self._places = places(process, self._robots)
         self._drawn = np.array([*process.draws.values(), (0.0, 1.0)], float)  # bounds
         self._actions = self._robots.parameter_rows(process.action_names)
@@ -392,6 +394,15 @@ def starts_of(process: DecisionProcess) -> State:
     given = process.robot.home if process.starts is None else process.starts
     given = process.robot.own(given)
     return given if given.batch else stacked(given, 1)
+
+
+def turned(process: DecisionProcess, starts: State) -> State:
+    """Return the first start, with whole turns in all coordinates of which any start has some:
+    robots that begin there have the states that tell turns which those of the starts have."""
+    robot, first = process.robot, starts.at(0)
+    (read,) = robot.kernel("positions")(first.q)
+    windings = np.abs(robot.windings(starts)).max(axis=0)
+    return replace(first, positions=robot.labels.turned(read, windings))
 
 
 def steppers_of(process: DecisionProcess, states: State, threads: int | None) -> Steppers:

@@ -179,7 +179,7 @@ def characteristic_length(robot: Model, task: Task) -> float:
 def conditioning(robot: Model, q: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
     """Return the conditioning (K) of configurations (K, nq); p: free parameters, the robot's own if
     left out."""
-    task = (task_if_any(robot, near=False) if robot.mechanism.tools else None) or ()
+    task = (task_if_any(robot) if robot.mechanism.tools else None) or ()
     if len(task) <= 1:
         seen = np.linalg.svd(allowed(robot, q, (), p, own=True).Q, compute_uv=False)
         return np.minimum(1.0, seen[:, freedoms(robot) - 1])

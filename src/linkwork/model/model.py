@@ -137,8 +137,10 @@ class Model(SetOnce):
     @cached_property
     def size(self) -> float:
         """Return what rounding in the closure rows grows with: lengths over the mechanism's own,
-        and angles."""
-        return self.labels.size(self.mechanism, self.equations.reference, self.home.positions)
+        and angles; of the description's own numbers, whatever values its free ones have, so that
+        loops are closed as far alone as among many with other numbers."""
+        of = self.origin or self
+        return of.labels.size(of.mechanism, of.equations.reference, of.home.positions)
 
     @cached_property
     def turning(self) -> Turning:
@@ -162,8 +164,7 @@ class Model(SetOnce):
         """Return what chooses charts for runs, and knows those that were chosen."""
         if self.origin is not None:
             return self.origin.known_charts
-        rates = self.equations.tree.rates
-        return KnownCharts(self.equations, [rates.index(name) for name in self.independent])
+        return KnownCharts(self.equations, [*self.equations.chart.independent])
 
     @cached_property
     def assembler(self) -> Assembler:

@@ -257,7 +257,8 @@ def network_of(robot: Model) -> Network:
 
 def spread(robot: Model) -> float:
     """Return the root mean square distance of the joints from their middle at home [m], or 1 m if
-    that is zero."""
+    that is zero: of the description's own numbers, whatever values its free ones have."""
+    robot = robot.origin or robot
     q, still = robot.home.q[None], np.zeros((1, robot.mobility))
     unforced, nothing = np.zeros((1, len(robot.actuators))), np.zeros((1, len(robot.bodies), 6))
     found = loads(robot, Samples(robot.chart, q, still, still, unforced), nothing)

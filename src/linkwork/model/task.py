@@ -38,8 +38,7 @@ TURNED = 2.0  # rotation vector [rad] up to which two of its components lead a t
 
 def stated(robot: Model) -> Task:
     """Return the task that the description states of the first tool; none where it states none."""
-    mechanism = robot.mechanism
-    return (mechanism.first_tool.task if mechanism.tools else None) or ()
+    return (robot.mechanism.first_tool.task if robot.mechanism.tools else None) or ()
 
 
 def freedoms(robot: Model) -> int:
@@ -47,27 +46,25 @@ def freedoms(robot: Model) -> int:
     return robot.mobility - len(robot.spins)
 
 
-def task_of(robot: Model, near: bool = True) -> Task:
+def task_of(robot: Model) -> Task:
     """Return the task of the first tool: that of its description, or the one that is chosen.
-
-    near: as in `led_coordinates`
 
     Raises:
         LinkworkError: no tool; a stated task that is not one of this robot, or depends on itself;
             none stated and none plain.
     """
     robot.require_tool()
-    found = task_if_any(robot, near)
+    found = task_if_any(robot)
     if found is None:
         raise LinkworkError(not_plain(robot))
     return found
 
 
-def task_if_any(robot: Model, near: bool = True) -> Task | None:
+def task_if_any(robot: Model) -> Task | None:
     """Return the same, None where no task is stated and none plain."""
     task = stated(robot)
     if not task:
-        return robot.once(led_coordinates, near) if robot.mechanism.tools else None
+        return robot.once(led_coordinates) if robot.mechanism.tools else None
     robot.once(require_independent, task)
     return task
 
@@ -134,15 +131,16 @@ def named(robot: Model, what: Sequence[str] | None) -> Task:
     return robot.once(known, checks.names(what, "what"))
 
 
-def led_coordinates(robot: Model, near: bool) -> Task | None:
+def led_coordinates(robot: Model, near: bool = False) -> Task | None:
     """Return the coordinates of the tool's pose that the robot can lead: all, the position, the
     orientation, or those that move at home while the others do not; None where none are plain.
 
     They have to be independent at the reference or near it.
 
-    near: whether that is enough. If not, a part of the pose may lack one direction at the
-        reference, where a leg or an arm is stretched, but not more: a tool that shifts only as it
-        tilts lacks two when it is level, and is not led in them.
+    near: whether that is enough, where a part of the pose is asked for by so many numbers. If
+        not, it may lack one direction at the reference, where a leg or an arm is stretched, but
+        not more: a tool that shifts only as it tilts lacks two when it is level, and is not led in
+        them.
     """
     names = POSES[robot.planar]
     maps = robot.once(tool_motions)

@@ -280,7 +280,8 @@ class Dynamics(Kinematics):
             frame: "ground" (about F1's origin in the ground's axes), "first" (F1's axes) or
                 "second" (about F2's origin, F2's axes).
             length: [m] by which moments are divided where the least wrenches are chosen; the
-                joints' root mean square distance from their middle at home if left out.
+                joints' root mean square distance from their middle at home, by the description's
+                own numbers whatever values its free ones have, if left out.
 
         Raises:
             LinkworkError: as `forward_dynamics`; another frame; a length far from the robot's own.

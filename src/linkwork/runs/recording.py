@@ -46,6 +46,7 @@ class Left(NamedTuple):
     time: [s]; extras: extra states; pace: step size
     held: inputs that a sampled controller held; turns: whole turns of angles that are not in the
         state's q; chart: that it was in; lowered: the bound of its pivots, if it was lowered
+    names: of the extra states, none where the run does not tell them
     """
 
     time: float
@@ -55,6 +56,7 @@ class Left(NamedTuple):
     turns: np.ndarray | None
     chart: Chart
     lowered: Lowered | None = None
+    names: tuple[str, ...] = ()
 
 
 def simulate(
@@ -69,7 +71,7 @@ def simulate(
         raise checks.LinkworkError(
             "a run starts from one state, not from a stack; take one by state.at(index)"
         )
-    start, z, pace, held, turns, last, lowered = left or (0.0, *[None] * 6)
+    start, z, pace, held, turns, last, lowered, _ = left or (0.0, *[None] * 7)
     pace = None if settings.integrator.step else pace
     sampler, end, besides = system.sampler, start + settings.duration, np.empty(0)
     if settings.samples is not None:

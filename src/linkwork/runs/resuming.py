@@ -15,6 +15,7 @@ from linkwork.equations.chart import Chart
 from linkwork.errors import LinkworkError
 from linkwork.mechanism import MechanismError
 from linkwork.mechanism.numbers import located
+from linkwork.model.parameters import Known, with_parameters
 from linkwork.model.state import State
 from linkwork.runs.passage import Lowered
 from linkwork.runs.recording import Left
@@ -85,12 +86,9 @@ def left_by(robot: Model, run: Run) -> tuple[State, Left, dict[str, float]]:
         np.atleast_1d(np.asarray(run.attrs[name], float)) if name in run.attrs else None
         for name in ("final_held", "final_turns")
     )
-    own, others = {}, recorded(run)
-    for name in list(others):
-        if name in robot.parameters:
-            own[name] = others.pop(name)
-    refuse_other_numbers(robot, others)
-    return state, Left(start, v[n:], pace, held, turns, last, lowered), own
+    own = own_numbers(robot, run, "resume it by")
+    names = tuple(map(str, run.coords["extra"].values)) if "extra" in run.coords else ()
+    return state, Left(start, v[n:], pace, held, turns, last, lowered, names), own
 
 
 def chart_told(robot: Model, text: str, independent: tuple[str, ...]) -> Chart:
@@ -114,6 +112,24 @@ def chart_told(robot: Model, text: str, independent: tuple[str, ...]) -> Chart:
     return last
 
 
+def own_numbers(robot: Model, run: Run, what: str) -> dict[str, float]:
+    """Return the values that the robot's free numbers had in a run; refuse a run that had other
+    values of numbers which are not free; what: is to be done by the right robot."""
+    own, others = {}, recorded(run)
+    for name in list(others):
+        if name in robot.parameters:
+            own[name] = others.pop(name)
+    refuse_other_numbers(robot, others, what)
+    return own
+
+
+def as_in(robot: Known, run: Run) -> Known:
+    """Return the robot as it was in a run: with the values that its free numbers had there."""
+    own = own_numbers(robot, run, "take")
+    alike = all(robot.parameters[name] == value for name, value in own.items())
+    return robot if alike else with_parameters(robot, own)
+
+
 ENTRY = re.compile(r"(.+?) = (-?[\d.]+(?:e[-+]\d+)?)(?:, |$)")
 """A parameter as a run tells of it; its name may hold commas and equals signs."""
 
@@ -124,15 +140,25 @@ def recorded(run: Run) -> dict[str, float]:
     return {name: float(value) for name, value in entries}
 
 
-def refuse_other_numbers(robot: Model, values: Mapping[str, float]) -> None:
-    """Refuse values that a run had of numbers which this robot holds with other ones, not free."""
+def refuse_other_numbers(robot: Model, values: Mapping[str, float], what: str) -> None:
+    """Refuse values that a run had of numbers which this robot holds with other ones, not free;
+    what: to do by the right one."""
+    for path, (value, held) in held_otherwise(robot, values).items():
+        raise LinkworkError(
+            f"the run had {path} = {value:g}, which is {held:g} here and not free; {what} "
+            f"the robot that it is of, or free the number: robot.free({path!r})"
+        )
+
+
+def held_otherwise(robot: Model, values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Return which of the values that a run tells of the robot holds with others, which it holds,
+    by path; those of controllers and drives are none."""
+    found = {}
     for path, value in values.items():
         try:
             _, held = located(robot.mechanism, path)
         except MechanismError:  # of a controller or a drive
             continue
         if held != value:
-            raise LinkworkError(
-                f"the run had {path} = {value:g}, which is {held:g} here and not free; resume it "
-                f"by the robot that it is of, or free the number: robot.free({path!r})"
-            )
+            found[path] = value, held
+    return found

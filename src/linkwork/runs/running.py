@@ -20,6 +20,7 @@ from linkwork.model.state import State
 from linkwork.patience import ongoing
 from linkwork.runs import recording
 from linkwork.runs.cable_leaps import tell_leaps
+from linkwork.runs.left_states import require_left
 from linkwork.runs.recording import Left
 from linkwork.runs.settings import Settings
 from linkwork.runs.system import Forces, System, require_starts, system
@@ -86,17 +87,7 @@ def prepared(
             require_starts(runs, state, runs.parameters)
             tell_leaps(robot, state.q, robot.p)
         return robot, state, runs, settings
-    if left.extras.size != len(runs.extras):
-        raise LinkworkError(
-            f"the run ended with {left.extras.size} extra states, but these drives and "
-            f"controllers have {len(runs.extras)}"
-        )
-    held = left.held
-    if held is not None and runs.acting and runs.sampler and held.size != runs.acting.held:
-        raise LinkworkError(
-            f"the run ended with {held.size} held inputs, but this controller holds "
-            f"{runs.acting.held}; give it the delay that it ran with"
-        )
+    require_left(runs, left)
     return robot, state, runs, settings
 
 

@@ -36,6 +36,7 @@ from linkwork.stepping.native_block import (
 )
 from linkwork.stepping.native_exchange import MemberPlaces, transfer
 from linkwork.stepping.native_readings import ReadingTables, readings
+from linkwork.stepping.seen_turns import seen
 from linkwork.threads import crew
 
 FEWEST = 256  # members that are worth a thread
@@ -113,8 +114,8 @@ class HeldMembers:
     @property
     def states(self) -> State:
         """The states, a stack of N in the robot's own independent rates; rates that these do not
-        tell are nan. Whole turns of joints that close loops are followed from one asking to the
-        next."""
+        tell are nan. Whole turns of joints that close loops are followed from step to step where a
+        controller or drive reads them, else from one asking to the next."""
         batch, N = self._batch, len(self)
         robot, nq, n = batch.robot, self._herd.turns.shape[0], batch.robot.mobility
         rates = np.full((N, n), np.nan)
@@ -125,7 +126,7 @@ class HeldMembers:
             rates[who[kept]] = found[kept]
         q = np.ascontiguousarray(whole(held[:, :nq], self._herd.turns[:, :N].T))
         (read,) = robot.kernel("positions")(q, batch.p_robot())
-        self._seen[:] = robot.labels.nearest(read, self._seen)
+        self._seen[:] = seen(robot, batch.system, read, self._seen, held[:, nq + n :])
         return State.known(self._seen.copy(), rates, q, robot.coordinates, robot.independent)
 
     def read(self, out: np.ndarray | None = None, index: Index | None = None) -> np.ndarray:

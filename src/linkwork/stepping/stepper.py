@@ -49,6 +49,7 @@ from linkwork.stepping.errors import StepError
 from linkwork.stepping.long_steps import LongestStep, longest_step
 from linkwork.stepping.native_run import CELL, NativeRun
 from linkwork.stepping.native_stepping import OK, OPEN, PAUSED, UNCOVERED, UNDEFINED, UNFORCED
+from linkwork.stepping.seen_turns import require_followed, seen
 
 if TYPE_CHECKING:
     from linkwork.control import Drive, Wrench
@@ -107,11 +108,11 @@ class Stepper:
         begun, left, own = (
             resuming.left_by(robot, state) if isinstance(state, Run) else (state, None, {})
         )
-        require_one(robot, begun)
         given = {**own, **(parameters or {})} if own else parameters
         self._robot, self._begun, self._system, self._settings = running.prepared(
             robot, begun, forces, settings, drives, wrenches, given, left
         )
+        require_one(self._robot, self._begun)
         self._left = left
         # Where forces are written: to the inputs over time, in each of their pieces.
         inputs, traced = self._system.inputs, self._system.acting
@@ -239,10 +240,11 @@ class Stepper:
     def positions(self) -> np.ndarray:
         """Coordinates of all joints (m) [m, rad], as encoders tell them.
 
-        Whole turns of angles of joints that close loops are followed from one asking to the next.
+        Whole turns of angles of joints that close loops are followed from step to step where a
+        controller or drive reads them, else from one asking to the next.
         """
         read = self._robot.kernel("positions").flat(self.q, self._robot.p)
-        self._seen = self._robot.labels.nearest(read, self._seen)
+        self._seen = seen(self._robot, self._system, read, self._seen, self.z)
         return self._seen
 
     @property
@@ -297,6 +299,7 @@ class Stepper:
             begun, left = self._robot.own(state), None
             if self._system.acting is not None:
                 require_starts(self._system, begun, self._system.parameters)
+                require_followed(self._robot, self._system, begun)
                 tell_leaps(self._robot, begun.q, self._robot.p)
         if time is not None:
             time = require_counted(checks.number(time, "time"), self.dt)
@@ -308,7 +311,7 @@ class Stepper:
     def _set_out(self, state: State, left: Left | None, time: float) -> None:
         """Begin at a state, with what a run had left there."""
         robot, system = self._robot, self._system
-        _, z, pace, held, turns, last, lowered = left or (time, *[None] * 6)
+        _, z, pace, held, turns, last, lowered, _ = left or (time, *[None] * 7)
         fixed, sampler = self._settings.integrator.step is not None, system.sampler
         control = Control(0, sampler.period, held) if held is not None and sampler else None
         passage = Endless(robot, system, time, np.inf, self._settings, None if fixed else pace)

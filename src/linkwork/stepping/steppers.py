@@ -51,6 +51,7 @@ from linkwork.stepping.native_block import (
 )
 from linkwork.stepping.native_many import steps
 from linkwork.stepping.native_readings import ReadingTables
+from linkwork.stepping.seen_turns import require_followed, seen
 from linkwork.stepping.stepper import NONE, ROUNDING, Stepper, portions_taken
 from linkwork.threads import usable_processors
 
@@ -305,9 +306,9 @@ class Steppers(HeldMembers):
         given: dict[str, Any] = {**self._given, "parameters": values or None}
         q = np.ascontiguousarray(self.q[i])
         robot.charts.setdefault(chart.independent, chart)
-        state = replace(
-            robot.make_state(q, np.ascontiguousarray(self.v[i])), independent=chart.independent
-        )
+        state = robot.make_state(q, np.ascontiguousarray(self.v[i]))
+        turned = seen(robot, batch.system, state.positions, self._seen[i], self.z[i])
+        state = replace(state, positions=turned, independent=chart.independent)
         stepper = Stepper(robot, state, self.dt, forces, **given)
         stepper.reset(state, float(self.time[i]))
         stepper.z[:] = self.z[i]
@@ -341,7 +342,8 @@ class Steppers(HeldMembers):
         for stands in begun(batch, self._settings):
             q, v, z = np.split(stands.y, [self.q.shape[1], self.q.shape[1] + self.v.shape[1]], 1)
             p = batch.p_robot(stands.members)
-            q, _ = settled(stands.chart.kernel("closure_step"), np.ascontiguousarray(q), p)
+            kernel = stands.chart.kernel("closure_step")
+            q, _ = settled(kernel, np.ascontiguousarray(q), p, self._asked.closure_tol)
             self._enter(stands.chart, who[stands.members], np.concatenate([q, v, z], 1))
         self._herd.turns[:, who], self._herd.u[:, who] = 0.0, self._first[who].T
         self._herd.numbers[TURNED, who] = 0.0
@@ -359,6 +361,7 @@ class Steppers(HeldMembers):
             return replace(batch, given=given, told=told, q=q, v=v, p=p, forces=None)
         robot, given = batch.robot, require_states(batch.robot, state, who.size)
         require_starts(batch.system, given, p[:, robot.p.size :])
+        require_followed(robot, batch.system, given)
         tell_leaps(robot, given.q, p[:, : robot.p.size])
         q, v = (np.broadcast_to(x, (who.size, x.shape[-1])).copy() for x in (given.q, given.rates))
         chart, told = robot.chart_of(given), np.ones(who.size, bool)

@@ -94,7 +94,7 @@ class Pursuit:
         states, if it has rates at home."""
         robot, names = self.robot, POSES[self.robot.planar]
         told = robot.mechanism.tools and (stated(robot) or not robot.planar)
-        found = task_if_any(robot, near=False) if told else None
+        found = task_if_any(robot) if told else None
         parts = (names, names[:2]) if robot.planar else (names, names[:3], names[3:])
         if found is None or found in parts:
             return None

@@ -13,6 +13,7 @@ import numpy as np
 
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
+from linkwork.scene.seen_runs import require_lengths
 from linkwork.simulation import Run
 from linkwork.simulation.run import Variable
 from linkwork.viewer.pursuit import Pursuit
@@ -89,6 +90,7 @@ def replay_of(pursuit: Pursuit, run: Run) -> Replay:
     foreign = foreign_run(robot, run)
     if foreign:
         raise LinkworkError(f"the run is not one of the robot {robot.mechanism.name!r}: {foreign}")
+    require_lengths(robot, run)
     time = np.asarray(run.coords["time"].values, float)
     positions = values(run, "joint_position", (len(time), len(robot.coordinates)))
     forces = values(run, "actuator_force", (len(time), len(robot.actuators)))

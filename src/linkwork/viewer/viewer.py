@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from linkwork import checks
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot, State
+from linkwork.scene.seen_runs import shown_robot
 from linkwork.simulation import Run
 from linkwork.viewer.access import LOOPBACK, serve
 from linkwork.viewer.mailbox import Mailbox
@@ -67,7 +68,7 @@ class Viewer:
     ):
         if not isinstance(robot, Robot):
             raise LinkworkError(f"the viewer shows a Robot, not {robot!r}")
-        self.session = Session(robot)
+        self.session = Session(shown_robot(robot, run))
         if run is not None:
             self.session.load(run)
         self.session.lay_over(over)

@@ -26,6 +26,7 @@ from linkwork.scene.layout import quaternions, quaternions_along
 from linkwork.scene.meshes import Mesh
 from linkwork.scene.rails import along, rails_of
 from linkwork.scene.scene import upwards
+from linkwork.scene.seen_runs import shown_robot
 from linkwork.scene.skeleton import poses_of
 from linkwork.simulation import Run
 from linkwork.views.glb import Glb
@@ -45,7 +46,7 @@ def write_gltf(
     """Write a robot with its motion as a binary glTF file; a file that exists is replaced.
 
     Args:
-        robot: whose motion it is.
+        robot: whose motion it is; of a run with the numbers that it had.
         motion: a run, a motion along a path, or one state, which stands still.
         path: of the file, ending in .glb.
         fps: keys per second, where there are as many samples; each key is one of the samples.
@@ -62,6 +63,7 @@ def write_gltf(
         raise LinkworkError(f"a scene is written as .glb, not as {path.name!r}")
     if isinstance(fps, bool) or not isinstance(fps, int | float) or not 0 < fps < np.inf:
         raise LinkworkError(f"fps is {fps!r}; give a number above 0")
+    robot = shown_robot(robot, motion)
     content = scene_file(robot, *keys_of(robot, motion, fps))
     with writing(path):
         path.write_bytes(content)

@@ -11,6 +11,7 @@ from linkwork.checks import MOST, count, needed, shown, switch
 from linkwork.errors import LinkworkError
 from linkwork.robot import Motion, Robot, State
 from linkwork.scene.colours import BLUE
+from linkwork.scene.seen_runs import require_lengths, shown_robot
 from linkwork.simulation import Run
 from linkwork.views import space
 from linkwork.views.drawing import plot_mechanism
@@ -33,7 +34,7 @@ def plot_motion(
     """Draw a stroboscopic picture of a motion: the later the stronger, at equal distances along it.
 
     Args:
-        robot: whose motion it is.
+        robot: whose motion it is; of a run with the numbers that it had.
         motion: a run, a motion along a path, or a stack (K,) of states in the order of time.
         ax: where to draw, three-dimensional for a spatial robot; left out: axes of a new figure.
         poses: how many to draw, at most.
@@ -47,6 +48,8 @@ def plot_motion(
     """
     count(poses, "poses", MOST)
     switch(path, "path")
+    needed(robot, Robot)
+    robot = shown_robot(robot, motion)
     states = states_of(robot, motion.smooth if isinstance(motion, Run) else motion)
     axes: Any = plot_mechanism(robot, states.at(spaced(robot, states, poses)), ax)
     if path and robot.mechanism.tools and len(states.q) > 1:
@@ -98,6 +101,18 @@ def timed_states(robot: Robot, motion: Run | Motion) -> tuple[np.ndarray, State]
         raise LinkworkError(f"the motion is {shown(motion)}; give a run, or a motion along a path")
     drawn = motion.smooth if isinstance(motion, Run) else motion
     return np.asarray(drawn.time, float), states_of(robot, drawn)
+
+
+def laid_over(robot: Robot, over: Run | Motion) -> tuple[np.ndarray, State]:
+    """Return the times (K,) [s] and the states (K,) of a motion that is shown over another one of
+    the robot.
+
+    Raises:
+        LinkworkError: as `timed_states`; a run of other lengths.
+    """
+    needed(robot, Robot)
+    require_lengths(robot, over)
+    return timed_states(robot, over)
 
 
 def run_states(robot: Robot, run: Run) -> State:

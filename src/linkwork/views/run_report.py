@@ -24,9 +24,10 @@ from linkwork.patience import announced
 from linkwork.robot import Robot, State
 from linkwork.runs.quantities import QUANTITIES, SavedQuantity
 from linkwork.runs.resuming import recorded
+from linkwork.scene.seen_runs import shown_robot
 from linkwork.simulation import Run
 from linkwork.views.film import Film, film
-from linkwork.views.motion import plot_motion, run_states
+from linkwork.views.motion import laid_over, plot_motion, run_states
 from linkwork.views.pages import PageTable, Picture, page, picture, short
 from linkwork.views.plots import plot_run, units_of
 from linkwork.views.style import svg
@@ -45,10 +46,11 @@ def write_report(robot: Robot, run: Run, path: str | Path, *, over: Run | None =
     """Write the report of a run as one self-contained HTML page; a file that exists is replaced.
 
     Args:
-        robot: whose run it is.
+        robot: whose run it is, shown with the numbers that it had in it.
         run: the run, also one that ended early or holds few samples.
         path: of the page, ending in .html.
-        over: another run of the robot, which the film shows faintly at the same times.
+        over: another run of the robot, of the same lengths, which the film shows faintly at the
+            same times.
 
     Raises:
         LinkworkError: a run of another robot, another suffix, a file that cannot be written.
@@ -60,7 +62,7 @@ def write_report(robot: Robot, run: Run, path: str | Path, *, over: Run | None =
     path = file_path(path, "the path of a report")
     if path.suffix.lower() not in (".html", ".htm"):
         raise LinkworkError(f"a report is written as .html, not as {path.name!r}")
-    text = render(robot, run, over)
+    text = render(shown_robot(robot, run), run, over)
     with writing(path):
         path.write_text(text, encoding="utf-8")
     return path
@@ -115,8 +117,7 @@ def moving(robot: Robot, time: np.ndarray, states: State | None, over: Run | Non
     """Make the film of a run, if it has two samples or more, with another one laid over."""
     faint = None
     if over is not None:
-        other = over.smooth
-        faint = np.asarray(other.time, float), run_states(robot, other)
+        faint = laid_over(robot, over)
     return None if states is None or len(time) < 2 else film(robot, time, states, over=faint)
 
 

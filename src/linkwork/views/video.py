@@ -19,11 +19,12 @@ from linkwork.errors import LinkworkError
 from linkwork.patience import announced
 from linkwork.robot import Motion, Robot, State
 from linkwork.scene.scene import scene_of
+from linkwork.scene.seen_runs import shown_robot
 from linkwork.simulation import Run
 from linkwork.views import plane, space
 from linkwork.views.canvas import Canvas
 from linkwork.views.drawing import new_axes, paint
-from linkwork.views.motion import nearest_samples, timed_states
+from linkwork.views.motion import laid_over, nearest_samples, timed_states
 from linkwork.views.style import styled
 
 MOST = 600  # frames
@@ -46,7 +47,7 @@ def write_video(
     """Write a run, or a motion along a path, as a video; a file that exists is replaced.
 
     Args:
-        robot: whose run it is.
+        robot: whose run it is, shown with the numbers that it had in it.
         run: the run, of which frames show the saved samples, and those between them where it can be
             run again; or a motion, of which they show the samples.
         path: of the video, ending in .gif, or in .mp4 where there is ffmpeg.
@@ -69,6 +70,7 @@ def write_video(
             bound = f" up to {most}" if most < np.inf else ""
             raise LinkworkError(f"{name} is {value!r}; give a number above 0{bound}")
     writer = writer_for(path, fps)
+    robot = shown_robot(robot, run)
     time, states = timed_states(robot, run)
     length = float(np.ptp(time)) / speed
     if not length > 0:
@@ -84,7 +86,7 @@ def write_video(
     chosen, order = np.unique(nearest_samples(time, shown), return_inverse=True)
     faint = None
     if over is not None:
-        other, moved = timed_states(robot, over)
+        other, moved = laid_over(robot, over)
         faint = moved.at(nearest_samples(other, shown))
     try:
         with writing(path), styled():
