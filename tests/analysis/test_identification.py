@@ -16,6 +16,7 @@ from linkwork.errors import ModelWarning
 
 from tests.analysis.mechanisms import arm, cart
 from tests.catalogue import built
+from tests.equations.evaluation import close
 
 FRICTION = (
     "hinge_1.friction.viscous",
@@ -457,3 +458,33 @@ def test_a_wrong_sample_is_told_by_its_number(of):
     with pytest.warns(ModelWarning, match=r"sample 57 \(from 0\) does not fit") as told:
         of(robot, analysis.Measured(robot.state(q, v), 4 * dv, forces))
     assert [warned.filename for warned in told] == [__file__]
+
+
+def test_a_run_is_identified_by_the_lengths_it_had_and_by_none_of_its_masses():
+    """The arm's second link begins elsewhere in the run, and is heavier."""
+    length, mass = "hinge_2.frames.0.position.0", "rod_2.mass"
+    described = lw.Robot("double_pendulum")
+    robot, t = described.free(length, mass), np.linspace(0, 3, 301)
+    forces = lw.Sampled(t, np.stack([20 * np.sin(3 * t), 7 * np.cos(4 * t)], axis=1))
+    given = {length: 0.8, mass: 1.5}
+    run = robot.simulate(robot.home, forces, duration=3.0, parameters=given, save_at=t)
+    found = identify(robot, run)
+    # Both rods' mass centres are 1 m out, where all of the mass is.
+    assert found.base.names[0] == "rod_1.first_moment.x + 0.8 rod_2.mass"
+    close(found.values, [1 + 0.8 * 1.5, 0, 1 + 0.64 * 1.5, 1.5, 0, 1.5], 1e-9)
+    with pytest.raises(lw.LinkworkError, match=r"had hinge_2.*0 = 0.8, which is 1"):
+        identify(described, run)
+    heavier = robot.simulate(robot.home, forces, duration=3.0, parameters={mass: 1.5}, save_at=t)
+    close(identify(described, heavier).values, [2.5, 0, 2.5, 1.5, 0, 1.5], 1e-9)
+
+
+def test_friction_of_a_run_is_taken_unless_it_is_asked_for():
+    friction = "hinge_1.friction.viscous"
+    robot, t = lw.Robot("double_pendulum").free(friction), np.linspace(0, 3, 301)
+    forces = lw.Sampled(t, np.stack([20 * np.sin(3 * t), 7 * np.cos(4 * t)], axis=1))
+    run = robot.simulate(robot.home, forces, duration=3.0, parameters={friction: 0.7}, save_at=t)
+    masses = [2, 0, 2, 1, 0, 1]
+    close(identify(robot, run).values, masses, 1e-9)
+    both = identify(lw.Robot("double_pendulum"), run, [friction])
+    assert both.base.names[-1] == friction
+    close(both.values, [*masses, 0.7], 1e-9)

@@ -28,11 +28,13 @@ from linkwork.analysis.outliers import warned_by_rates
 from linkwork.analysis.square import of_joints
 from linkwork.checks import finite, in_order, needed, shown
 from linkwork.errors import LinkworkError
+from linkwork.mechanism.numbers import located
 from linkwork.model import checks
 from linkwork.model.linear import one_state, own_rates
 from linkwork.notebooks import Portrayed
 from linkwork.patience import announced
 from linkwork.robot import Robot, State, UnreachableError
+from linkwork.runs.resuming import held_otherwise, recorded, refuse_other_numbers
 from linkwork.simulation import Run
 
 REWEIGHTED = 3
@@ -112,7 +114,8 @@ def identify(
     """Identify the base parameters of a robot from a measured motion.
 
     Args:
-        robot: its geometry, springs and all that is not identified are taken as described.
+        robot: its geometry, springs and all that is not identified are taken as described; of a
+            run, with the values that free numbers had in it.
         measured: a motion with its forces, or a run.
         effects: joint effects to identify beside the masses: "slide_1.friction.viscous",
             "slide_1.friction.coulomb", "slide_1.rotor_inertia".
@@ -120,12 +123,14 @@ def identify(
 
     Raises:
         LinkworkError: too few samples, a motion that does not tell all base parameters apart;
-            states of another robot, or in rates other than those of home.
+            states of another robot, or in rates other than those of home; a run with other values
+            of what is not identified, and not free.
 
     Warns:
         ModelWarning: a sample does not fit in with the others.
     """
     # Y beta = S' u - (known part), each row multiplied by its rate's own unit so that rows compare.
+    robot = as_measured(robot, measured, effects)
     data = motion_of(robot, measured)
     base = base_parameters(robot, effects, seed=seed)
     states, n, own = data.states, robot.mobility, own_rates(robot, data.states)
@@ -172,6 +177,25 @@ def identify(
 def left_over(remains: np.ndarray, forces: np.ndarray) -> bool:
     """Tell whether more remains of forces than rounding leaves."""
     return bool(np.abs(remains).max() > LEFT_OVER * np.abs(forces).max())
+
+
+def as_measured(robot: Robot, measured: Measured | Run, told: Sequence[str] = ()) -> Robot:
+    """Return the robot with the values that its free numbers had in a run, but for those of bodies
+    and those named, which the forces are to tell."""
+    needed(robot, Robot)
+    if not isinstance(measured, Run):
+        return robot
+
+    def known(path: str) -> bool:
+        kind, *names = located(robot.mechanism, path)[0]
+        return kind != "bodies" and ".".join(names) not in told
+
+    values = recorded(measured)
+    others = held_otherwise(robot, {x: values[x] for x in values if x not in robot.parameters})
+    refuse_other_numbers(robot, {x: values[x] for x in others if known(x)}, "identify by")
+    own = {x: values[x] for x in values if x in robot.parameters and known(x)}
+    alike = all(robot.parameters[name] == value for name, value in own.items())
+    return robot if alike else robot.with_parameters(own)
 
 
 def motion_of(robot: Robot, measured: Measured | Run) -> Measured:

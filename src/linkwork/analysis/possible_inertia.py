@@ -26,7 +26,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from linkwork.analysis._base_parameters import regressor_of
-from linkwork.analysis.identification import Identification, Measured, left_over, motion_of
+from linkwork.analysis.identification import (
+    Identification,
+    Measured,
+    as_measured,
+    left_over,
+    motion_of,
+)
 from linkwork.analysis.outliers import warned_by_rates
 from linkwork.analysis.settled_squares import settled
 from linkwork.checks import among, positive, shown
@@ -323,19 +329,22 @@ def payload(
     Mass, mass centre and inertia are possible ones (`possible_inertia`).
 
     Args:
-        robot: without the payload, its masses and friction as they are.
+        robot: without the payload, its masses and friction as they are; of a run, with the values
+            that free numbers which are none of bodies had in it.
         measured: a motion with its forces, or a run.
         tool: name of the tool; the first if left out.
         spread: how far what the motion does not tell may lie from a guess (a small solid at the
             tool, of the mass that the forces tell).
 
     Raises:
-        LinkworkError: no tool, or one on the ground; forces that tell no mass above zero.
+        LinkworkError: no tool, or one on the ground; forces that tell no mass above zero; a run
+            with other values of numbers that are not free, and none of bodies.
 
     Warns:
         ModelWarning: a sample does not fit in with the others.
     """
     # The forces that are left, row by row in the rates' own units.
+    robot = as_measured(robot, measured)
     data = motion_of(robot, measured)
     robot.require_tool()
     positive(spread, "spread")
