@@ -201,3 +201,35 @@ def test_the_same_parameters_are_seen_excited_and_identified(units, name):
     assert np.allclose(
         identified.values / dimensions, known.values, rtol=1e-4, atol=1e-6 * abs(known.values).max()
     )
+
+
+@pytest.mark.parametrize("L", [1e-6, 1.0, 1e4])
+@pytest.mark.parametrize("task", [("x", "y"), ("x", "y", "z", "rz")])
+def test_arms_that_turn_and_slide_are_as_well_conditioned(task, L):
+    """Where the slide has the length r, K has the rows (0, 1 / r) of the hinge, (1, 0) of the slide
+    and (0, -1 / r) of the wrist: turns count by r of the reference, with z and rz by r / sqrt 2."""
+    links = {name: lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.1)) for name in ("one", "two")}
+    joints: dict[str, lw.mechanism.Joint] = {
+        "hinge": lw.RevoluteJoint(connects=("ground", "one")),
+        "slide": lw.PrismaticJoint(connects=("one", "two"), axis=(1, 0, 0)),
+    }
+    if len(task) > 2:
+        links |= {name: links["one"] for name in ("three", "four")}
+        joints["lift"] = lw.PrismaticJoint(connects=("two", "three"))
+        joints["wrist"] = lw.RevoluteJoint(connects=("three", "four"))
+    mechanism = lw.Mechanism(
+        bodies=links,
+        joints=joints,
+        actuators=tuple(joints),
+        tools={"end": lw.Tool(body=list(links)[-1], task=task)},
+        reference={"slide": 0.5},
+    )
+    robot = lw.Robot(Scale(mechanism, L).mechanism)
+    state = robot.assemble(tool=[0.2 * L, *(0.0 for _ in task[1:])])
+    length = 0.5 if len(task) == 2 else 0.5 / np.sqrt(2)
+    assert analysis.dexterity(robot, state).length / L == pytest.approx(length, rel=1e-9)
+    count = min(len(task), 3)
+    K = np.array([[1.0, 0, 0], [0, length / 0.2, 0], [0, -length / 0.2, 1]])[:count, :count]
+    expected = 1 / np.linalg.cond(K)
+    assert robot.conditioning(state) == pytest.approx(expected, rel=1e-9)
+    assert analysis.singularity(robot, state).kinds == ()
