@@ -6,6 +6,7 @@ import pytest
 
 import linkwork as lw
 from linkwork import analysis
+from linkwork.cli.poses import modes_at
 
 from tests.oracle.scaling import Scale
 from tests.products import sampled
@@ -233,3 +234,12 @@ def test_arms_that_turn_and_slide_are_as_well_conditioned(task, L):
     expected = 1 / np.linalg.cond(K)
     assert robot.conditioning(state) == pytest.approx(expected, rel=1e-9)
     assert analysis.singularity(robot, state).kinds == ()
+
+
+@pytest.mark.parametrize("T", [1e-5, 1.0, 1e4])
+def test_the_command_line_tells_equilibria_at_any_pace(T):
+    robot = lw.Robot(Scale(MADE["double_pendulum"], T=T).mechanism)
+    held = analysis.equilibrium(robot)
+    assert modes_at(robot, held.state, held.forces)[1] == "stable"
+    bent = robot.state(held.state.positions + 0.1)
+    assert modes_at(robot, bent, held.forces) == (None, "no: it accelerates")
