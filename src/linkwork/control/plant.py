@@ -82,13 +82,17 @@ class TaskPlant(Plant, Protocol):
 
 
 class StateSpace(Protocol):
-    """Matrices of x' = A x + B u."""
+    """Matrices of x' = A x + B u, and the mechanism's own units of x and u but for time and
+    mass."""
 
     @property
     def A(self) -> np.ndarray: ...
 
     @property
     def B(self) -> np.ndarray: ...
+
+    @property
+    def units(self) -> tuple[np.ndarray, np.ndarray]: ...
 
 
 class Linearised(Plant, Protocol):
