@@ -243,3 +243,29 @@ def test_the_command_line_tells_equilibria_at_any_pace(T):
     assert modes_at(robot, held.state, held.forces)[1] == "stable"
     bent = robot.state(held.state.positions + 0.1)
     assert modes_at(robot, bent, held.forces) == (None, "no: it accelerates")
+
+
+@pytest.mark.parametrize(("L", "M", "T"), [(1e-6, 1e-9, 1.0), (100.0, 1e6, 1.0), (1.0, 1.0, 1e-4)])
+def test_friction_and_payloads_are_told_of_robots_of_any_size(L, M, T):
+    """Of forces of a twentieth of noise the friction that is possible is near what is identified;
+    without noise the payload is what was carried, though one plane tells no moments."""
+    scale = Scale(MADE["double_pendulum"], L, M, T)
+    robot = lw.Robot(scale.mechanism)
+    names = [f"{name}.friction.viscous" for name in robot.actuators]
+    t, pace, swing = np.linspace(0, 2, 60)[:, None], np.array([3.0, 5.0]), np.array([1.0, 0.7])
+    state = robot.state(swing * np.sin(pace * t), swing * pace * np.cos(pace * t) / T)
+    accelerations = -swing * pace**2 * np.sin(pace * t) / T**2
+    # Friction.
+    rubbed = {name: 0.5 * scale.energy * T for name in names}
+    rubbing = robot.free(*names).with_parameters(rubbed)
+    forces = rubbing.inverse_dynamics(state, accelerations)
+    noise = 0.05 * np.abs(forces).max() * np.random.default_rng(0).normal(size=forces.shape)
+    known = analysis.identify(robot, analysis.Measured(state, accelerations, forces + noise), names)
+    found = lw.Robot(analysis.possible(known)).free(*names).p / (scale.energy * T)
+    assert np.allclose(found, 0.35, rtol=0, atol=0.05)
+    # A payload.
+    point = lw.Inertia(zz=1e-3 * M * L**2)
+    heavy = lw.Robot(scale.mechanism.with_payload(0.3 * M, (0.0, 0.0, 0.0), point))
+    forces = heavy.inverse_dynamics(heavy.state(state.positions, state.rates), accelerations)
+    told = analysis.payload(robot, analysis.Measured(state, accelerations, forces))
+    assert told.mass / M == pytest.approx(0.3, rel=1e-4)
