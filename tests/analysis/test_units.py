@@ -6,6 +6,7 @@ import pytest
 
 import linkwork as lw
 from linkwork import analysis
+from linkwork.cli.poses import modes_at
 
 from tests.oracle.scaling import Scale
 from tests.products import sampled
@@ -201,3 +202,70 @@ def test_the_same_parameters_are_seen_excited_and_identified(units, name):
     assert np.allclose(
         identified.values / dimensions, known.values, rtol=1e-4, atol=1e-6 * abs(known.values).max()
     )
+
+
+@pytest.mark.parametrize("L", [1e-6, 1.0, 1e4])
+@pytest.mark.parametrize("task", [("x", "y"), ("x", "y", "z", "rz")])
+def test_arms_that_turn_and_slide_are_as_well_conditioned(task, L):
+    """Where the slide has the length r, K has the rows (0, 1 / r) of the hinge, (1, 0) of the slide
+    and (0, -1 / r) of the wrist: turns count by r of the reference, with z and rz by r / sqrt 2."""
+    links = {name: lw.Body(mass=1.0, inertia=lw.Inertia(zz=0.1)) for name in ("one", "two")}
+    joints: dict[str, lw.mechanism.Joint] = {
+        "hinge": lw.RevoluteJoint(connects=("ground", "one")),
+        "slide": lw.PrismaticJoint(connects=("one", "two"), axis=(1, 0, 0)),
+    }
+    if len(task) > 2:
+        links |= {name: links["one"] for name in ("three", "four")}
+        joints["lift"] = lw.PrismaticJoint(connects=("two", "three"))
+        joints["wrist"] = lw.RevoluteJoint(connects=("three", "four"))
+    mechanism = lw.Mechanism(
+        bodies=links,
+        joints=joints,
+        actuators=tuple(joints),
+        tools={"end": lw.Tool(body=list(links)[-1], task=task)},
+        reference={"slide": 0.5},
+    )
+    robot = lw.Robot(Scale(mechanism, L).mechanism)
+    state = robot.assemble(tool=[0.2 * L, *(0.0 for _ in task[1:])])
+    length = 0.5 if len(task) == 2 else 0.5 / np.sqrt(2)
+    assert analysis.dexterity(robot, state).length / L == pytest.approx(length, rel=1e-9)
+    count = min(len(task), 3)
+    K = np.array([[1.0, 0, 0], [0, length / 0.2, 0], [0, -length / 0.2, 1]])[:count, :count]
+    expected = 1 / np.linalg.cond(K)
+    assert robot.conditioning(state) == pytest.approx(expected, rel=1e-9)
+    assert analysis.singularity(robot, state).kinds == ()
+
+
+@pytest.mark.parametrize("T", [1e-5, 1.0, 1e4])
+def test_the_command_line_tells_equilibria_at_any_pace(T):
+    robot = lw.Robot(Scale(MADE["double_pendulum"], T=T).mechanism)
+    held = analysis.equilibrium(robot)
+    assert modes_at(robot, held.state, held.forces)[1] == "stable"
+    bent = robot.state(held.state.positions + 0.1)
+    assert modes_at(robot, bent, held.forces) == (None, "no: it accelerates")
+
+
+@pytest.mark.parametrize(("L", "M", "T"), [(1e-6, 1e-9, 1.0), (100.0, 1e6, 1.0), (1.0, 1.0, 1e-4)])
+def test_friction_and_payloads_are_told_of_robots_of_any_size(L, M, T):
+    """Of forces of a twentieth of noise the friction that is possible is near what is identified;
+    without noise the payload is what was carried, though one plane tells no moments."""
+    scale = Scale(MADE["double_pendulum"], L, M, T)
+    robot = lw.Robot(scale.mechanism)
+    names = [f"{name}.friction.viscous" for name in robot.actuators]
+    t, pace, swing = np.linspace(0, 2, 60)[:, None], np.array([3.0, 5.0]), np.array([1.0, 0.7])
+    state = robot.state(swing * np.sin(pace * t), swing * pace * np.cos(pace * t) / T)
+    accelerations = -swing * pace**2 * np.sin(pace * t) / T**2
+    # Friction.
+    rubbed = {name: 0.5 * scale.energy * T for name in names}
+    rubbing = robot.free(*names).with_parameters(rubbed)
+    forces = rubbing.inverse_dynamics(state, accelerations)
+    noise = 0.05 * np.abs(forces).max() * np.random.default_rng(0).normal(size=forces.shape)
+    known = analysis.identify(robot, analysis.Measured(state, accelerations, forces + noise), names)
+    found = lw.Robot(analysis.possible(known)).free(*names).p / (scale.energy * T)
+    assert np.allclose(found, 0.35, rtol=0, atol=0.05)
+    # A payload.
+    point = lw.Inertia(zz=1e-3 * M * L**2)
+    heavy = lw.Robot(scale.mechanism.with_payload(0.3 * M, (0.0, 0.0, 0.0), point))
+    forces = heavy.inverse_dynamics(heavy.state(state.positions, state.rates), accelerations)
+    told = analysis.payload(robot, analysis.Measured(state, accelerations, forces))
+    assert told.mass / M == pytest.approx(0.3, rel=1e-4)

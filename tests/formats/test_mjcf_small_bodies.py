@@ -7,10 +7,12 @@ import mujoco as mj
 import numpy as np
 import pytest
 
+from linkwork import robots
 from linkwork.formats import load, save
 from linkwork.mechanism import Body, Frame, Inertia, Mechanism, RevoluteJoint, Tool
 
 from tests.formats.mujoco_side import compiled
+from tests.oracle.scaling import Scale
 
 SMALL = Inertia(xx=5e-15, yy=8e-15, zz=9e-15, xy=1e-15, yz=-2e-15)
 
@@ -67,3 +69,12 @@ def test_points_get_a_radius_that_is_small_beside_the_mechanism(arm, radius, tmp
     assert any(f"a radius of gyration of {radius:g} m is added" in note for note in notes)
     model, _ = compiled(tmp_path / "m.xml")
     assert model.body("bob").inertia == pytest.approx(1e-3 * radius**2)
+
+
+@pytest.mark.parametrize("L", [1e-6, 1.0, 1e3])
+def test_hinges_that_close_loops_are_read_back_at_any_size(L, tmp_path):
+    """A hinge is two points on its line, a tenth of a micrometre apart in the smallest linkage."""
+    described = Scale(robots.bennett(), L, L**-3).mechanism
+    save(described, tmp_path / "linkage.xml")
+    found = load(tmp_path / "linkage.xml").mechanism
+    assert {joint.type for joint in found.joints.values()} == {"revolute"}

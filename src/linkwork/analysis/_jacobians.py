@@ -171,11 +171,12 @@ class Jacobians:
 
     @cached_property
     def characteristic_length(self) -> float:
-        """Length l [m] that makes the columns of K for turns and for shifts equally long, in the
-        mean, at the reference.
+        """Length l [m] that makes the columns of K for turns and for shifts of the tool equally
+        long, in the mean, at the reference; where the tool only turns or only shifts, the rows for
+        actuators that turn and that slide.
 
-        1 m where the tool only turns or only shifts; the mechanism's largest length where turns
-        hardly move the actuators.
+        1 m where all rows and all columns have one unit; the mechanism's largest length where there
+        is none, or turns hardly move the actuators.
         """
         return dexterity.characteristic_length(self.robot, self.task)
 

@@ -44,6 +44,10 @@ BALANCED = 1e-6  # acceleration, relative to those of weight and stiffness
 INDIFFERENT = 1e-12  # square of a frequency, relative to the largest, and to that of weight
 
 
+class NoEquilibriumError(LinkworkError):
+    """Tell that forces do not hold a state."""
+
+
 @dataclass(frozen=True, eq=False)
 class NaturalModes:
     """Hold the small undamped vibrations about an equilibrium.
@@ -114,8 +118,7 @@ def natural_modes(
         np.linalg.solve(M, np.stack([robot.gravity(state), robot.passive_forces(state)], axis=1))
         / units[:, None]
     )
-    fall = float(np.linalg.norm(robot.mechanism.gravity)) / robot.equations.tree.length
-    usual = max(fall, largest(parts), largest(squares))
+    usual = max(of_weight(robot), largest(parts), largest(squares))
     if largest(state.rates / units) > AT_REST * np.sqrt(usual):
         raise LinkworkError(
             "natural modes are those about an equilibrium, but the state moves; set its rates "
@@ -123,13 +126,13 @@ def natural_modes(
         )
     residual = robot.forward_dynamics(state, u)
     if largest(residual / units) > BALANCED * usual:
-        raise LinkworkError(
+        raise NoEquilibriumError(
             "the state is no equilibrium under these forces: it accelerates by "
             f"{largest(residual):.3g}; find one by analysis.equilibrium, or give the forces that "
             "hold it"
         )
     refuse_circulation(robot, state, M, K, usual)
-    squares = np.where(np.abs(squares) < INDIFFERENT * max(fall, largest(squares)), 0.0, squares)
+    squares = without_rounding(robot, squares)
     frequencies = np.sign(squares) * np.sqrt(np.abs(squares)) / (2 * np.pi)
     joints = robot.rate_map(state) @ shapes
     return NaturalModes(frequencies, shapes, joints, M, K, state.independent, robot.rates)
@@ -153,6 +156,17 @@ def refuse_circulation(
             f"natural modes are those of forces with a potential, but {where} the stiffness is not "
             "symmetric here; take the poles of robot.linearise(state)"
         )
+
+
+def of_weight(robot: Robot) -> float:
+    """Return the square of the frequency [1/s^2] that weight gives over the own length."""
+    return float(np.linalg.norm(robot.mechanism.gravity)) / robot.equations.tree.length
+
+
+def without_rounding(robot: Robot, squares: np.ndarray) -> np.ndarray:
+    """Return squares of frequencies with those at zero that rounding may have made of none."""
+    none = np.abs(squares) < INDIFFERENT * max(of_weight(robot), largest(squares))
+    return np.where(none, 0.0, squares)
 
 
 def stiffness_matrix(

@@ -53,7 +53,7 @@ STEP = 1e-30  # of the complex step
 TOLERANCE = 1e-14
 MOST, PATIENT = 300, 3000  # evaluations, at once and along a valley
 GRADUATED = (1e-8, 1e-6, 1e-4, 1e-2, 1.0)  # weights of residuals along a valley
-WIDE = 10.0  # spread of friction and rotors, over what is described or 1
+WIDE = 10.0  # spread of friction and rotors, over what is described
 SPATIAL, FLAT = 10, 4
 UNTOLD = 1e-3  # part of a direction that is not told, from which on a number is not
 SMALL = 1e-3  # of the robot's mass and length: what stands for a mass or a size that is zero
@@ -249,7 +249,13 @@ def possible(identification: Identification, *, spread: float = 1.0) -> Mechanis
         own = [each.moments(part) for each, part in parts]
         return np.concatenate([*own, effects + scales * theta[..., size:]], -1)
 
-    scales = WIDE * np.maximum(effects, 1.0)
+    # Effects over what is described, or over what alone would make the forces, where one is told.
+    columns = np.linalg.norm(
+        identification.root @ base.combination[:, len(bodies) * len(OF_BODIES) :], axis=0
+    )
+    every = np.linalg.norm(identification.root @ identification.values)
+    scales = np.maximum(WIDE * effects, every / np.where(columns > 0, columns, np.inf))
+    scales[scales == 0] = 1.0
     found, *_ = fitted(
         lambda theta: (
             (identification.values - pi(theta) @ base.combination.T) @ identification.root.T
@@ -369,16 +375,18 @@ def payload(
         raise LinkworkError(
             f"{right.size} measured forces do not tell a payload; measure more samples"
         )
-    # Noise of each rate, and a guess: the mass that a point at the tool has to have.
-    best, _, rank, _ = np.linalg.lstsq(rows, right, rcond=1e-10)
-    across = np.linalg.svd(rows, full_matrices=False)[2][rank:]
+    # Noise of each rate, and a guess: the mass that a point at the tool has to have. Of numbers in
+    # the mechanism's own length some may be told by none.
+    own_rows = rows * robot.equations.tree.length ** np.repeat([0, 1, 2], [1, 3, 6])
+    best, _, rank, _ = np.linalg.lstsq(own_rows, right, rcond=1e-10)
+    across = np.linalg.svd(own_rows, full_matrices=False)[2][rank:]
     freedom = right.size / (right.size - rank)
-    remains = (right - rows @ best).reshape(n, -1)
+    remains = (right - own_rows @ best).reshape(n, -1)
     noise = np.sqrt(freedom * np.mean(remains**2, axis=1))
     noise = np.maximum(noise, 1e-9 * max(float(np.abs(right).max()), 1e-300))
     weights = np.repeat(1 / noise, len(right) // n)
     if left_over(remains, right):
-        U = np.linalg.svd(weights[:, None] * rows, full_matrices=False)[0][:, :rank]
+        U = np.linalg.svd(weights[:, None] * own_rows, full_matrices=False)[0][:, :rank]
         even = weights * right
         warned_by_rates((even - U @ (U.T @ even)).reshape(n, -1), U, stacklevel=3)
     # A point at the tool with a small radius of gyration, as heavy as fits best.

@@ -76,11 +76,12 @@ def modes_at(
     """Return the natural modes of a state under forces, if it stays at rest and has any, and what
     equilibrium it is in."""
     from linkwork import analysis
+    from linkwork.analysis.linearisation import NoEquilibriumError
 
-    if not np.abs(robot.forward_dynamics(state, forces)).max(initial=0) < 1e-6:
-        return None, "no: it accelerates"
     try:
         modes = analysis.natural_modes(robot, state, forces)
+    except NoEquilibriumError:
+        return None, "no: it accelerates"
     except LinkworkError as refusal:
         return None, f"at rest, by the poles; {refusal}"
     return modes, "stable" if modes.stable else "not stable"

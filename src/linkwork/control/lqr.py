@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.linalg import norm
 from numpy.typing import ArrayLike
 
 from linkwork import checks, math
@@ -86,7 +87,7 @@ class LQR(Controller):
             LinkworkError: rates that are no coordinates' (free turns), weights of other shapes,
                 poses that no forces hold or that cannot be stabilised.
         """
-        from scipy.linalg import LinAlgError, solve_continuous_are
+        from scipy.linalg import LinAlgError
 
         require_plant(robot)
         # x = (position - pose, rates) needs coordinates whose derivatives the rates are.
@@ -113,9 +114,9 @@ class LQR(Controller):
             raise LinkworkError(
                 "the weights R of the forces are not positive definite; give positive numbers"
             )
-        # K = R^-1 B' P with P from the Riccati equation; LQR only if it really stabilises.
+        # LQR only if it really stabilises.
         try:
-            K = np.linalg.solve(R, B.T @ solve_continuous_are(A, B, Q, R))
+            K = least_cost(A, B, Q, R, model.units[0])
         except (LinAlgError, ValueError):
             K = np.full(B.T.shape, np.nan)
         if not (np.isfinite(K).all() and stable(A - B @ K)):
@@ -139,6 +140,31 @@ class LQR(Controller):
         return math.array(
             [force - math.dot(row, x) for force, row in zip(self.forces, K, strict=True)]
         )
+
+
+def least_cost(
+    A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, own: np.ndarray
+) -> np.ndarray:
+    """Return K = R^-1 B' P of the Riccati equation A' P + P A - P B R^-1 B' P + Q = 0.
+
+    own: the mechanism's own units of x but for time. The equation is solved for x in these and in
+    time over the quickest pace, forces by their weights, and a cost in which Q weighs as B does.
+    """
+    from scipy.linalg import solve_continuous_are
+
+    n, U = len(A) // 2, 1 / np.sqrt(np.diag(R))
+    A, B, Q = A * own / own[:, None], B * U / own[:, None], Q * own * own[:, None]
+    # The pace w of x' = A x and of the least cost: w^4 by positions, w^2 by rates.
+    push = norm(B)
+    paces = [norm(A[n:, n:]), push * norm(Q[n:, n:]) ** 0.5]
+    paces += [norm(A[n:, :n]) ** 0.5, (push * norm(Q[:n, :n]) ** 0.5) ** 0.5]
+    pace = float(max(paces)) or 1.0
+    D = np.repeat([1.0, pace], n)
+    A, B, Q = A * D / D[:, None] / pace, B / D[:, None] / pace, Q * D * D[:, None]
+    level = norm(Q) ** 0.5 / norm(B) if norm(Q) and norm(B) else 1.0
+    R = R * U * U[:, None]
+    P = solve_continuous_are(A, B * level**0.5, Q / level, R)
+    return np.linalg.solve(R, B.T @ P) * level * U[:, None] / (own * D)
 
 
 def diagonal(what: str, given: float | Mapping[str, float], names: Sequence[str]) -> list[float]:

@@ -55,6 +55,8 @@ class Plant(Protocol):
     @property
     def parameters(self) -> Mapping[str, float]: ...
 
+    def unit(self, name: str, /) -> str: ...
+
     def assemble(
         self, joints: Mapping[str, float] | None = None, *, tool: Any = None, guess: Any = None
     ) -> Posture: ...
@@ -82,13 +84,17 @@ class TaskPlant(Plant, Protocol):
 
 
 class StateSpace(Protocol):
-    """Matrices of x' = A x + B u."""
+    """Matrices of x' = A x + B u, and the mechanism's own units of x and u but for time and
+    mass."""
 
     @property
     def A(self) -> np.ndarray: ...
 
     @property
     def B(self) -> np.ndarray: ...
+
+    @property
+    def units(self) -> tuple[np.ndarray, np.ndarray]: ...
 
 
 class Linearised(Plant, Protocol):

@@ -23,8 +23,8 @@ from linkwork.robot import Robot, State
 
 @dataclass(frozen=True, eq=False)
 class JudgedPoses:
-    """Hold what a measure asks at K points: unknowns w from a start (W x K), known numbers (D x K),
-    and (w, known, p, t) -> equations, margins."""
+    """Hold what a measure asks at K points: unknowns w in the mechanism's own units from a start
+    (W x K), known numbers (D x K), and (w, known, p, t) -> equations, margins."""
 
     start: np.ndarray
     known: np.ndarray
@@ -36,7 +36,8 @@ class PoseEquations:
     """Hold the equations of a robot's poses.
 
     q, p, t, x: symbols of the configuration, the free numbers, the level of a measure and the
-        tool's task coordinates; residual: of closed loops and the tool at x
+        tool's task coordinates; units: the mechanism's own ones of x; residual: of closed loops and
+        the tool at x
     """
 
     robot: Robot
@@ -44,6 +45,7 @@ class PoseEquations:
     p: ca.SX
     t: ca.SX
     x: ca.SX
+    units: np.ndarray
     residual: ca.SX
 
     @classmethod
@@ -57,38 +59,48 @@ class PoseEquations:
         phi = rows.phi[kept, :] / ca.DM(rows.units[kept])
         residual = ca.densify(ca.vertcat(phi, *tree.norms(), error))
         own = ca.Function("own", [tree.q, equations.p, x], [residual])
-        return cls(robot, q, p, t, x, own(q, p, x))
+        return cls(robot, q, p, t, x, np.array(asked.units), own(q, p, x))
 
     def judged(
         self,
         states: State,
         margins: ca.SX,
         equations: ca.SX | None = None,
-        unknown: Sequence[tuple[ca.SX, np.ndarray]] = (),
+        unknown: Sequence[tuple[ca.SX, np.ndarray, np.ndarray]] = (),
         known: Sequence[tuple[ca.SX, np.ndarray]] = (),
     ) -> JudgedPoses:
         """Return what a measure asks at states (K): its margins and those of joints' ranges, and
-        more equations, with more unknowns and known numbers (symbol, values) than q and x."""
-        x = self.robot.task_values(states).T
-        unknown, known = [(self.q, states.q.T), *unknown], [(self.x, x), *known]
-        w, d = (ca.vertcat(*[symbol for symbol, _ in part]) for part in (unknown, known))
-        start, numbers = (np.vstack([each for _, each in part]) for part in (unknown, known))
+        more equations, with more unknowns (symbol, values, units) and known numbers (symbol,
+        values) than q and x."""
+        q = self.q, states.q.T, self.robot.equations.tree.units
+        unknown, known = [q, *unknown], [(self.x, self.robot.task_values(states).T), *known]
+        w, d = (ca.vertcat(*[symbol for symbol, *_ in part]) for part in (unknown, known))
+        start, numbers = (
+            np.vstack([values for _, values, *_ in part]) for part in (unknown, known)
+        )
         held = ca.vertcat(self.residual, *([] if equations is None else [equations]))
         kept = ca.vertcat(margins, *joint_margins(self.robot, self.q, self.p))
-        function = ca.Function("judged", [w, d, self.p, self.t], [held, kept], {"cse": True})
-        return JudgedPoses(start, numbers, function)
+        own = ca.Function("own", [w, d, self.p, self.t], [held, kept])
+        # The unknowns in their units.
+        units, y = np.concatenate([each for *_, each in unknown]), ca.SX.sym("w", len(start))
+        rest = d, self.p, self.t
+        asked = own.call([ca.DM(units) * y, *rest])
+        function = ca.Function("judged", [y, *rest], asked, {"cse": True})
+        return JudgedPoses(start / units[:, None], numbers, function)
 
 
 def joint_margins(robot: Robot, q: ca.SX, p: ca.SX) -> list[ca.SX]:
-    """Return how far joints are from the ends of the ranges that the description gives them."""
+    """Return how far joints are from the ends of the ranges that the description gives them, in the
+    mechanism's own units."""
     equations, found = robot.equations, []
     for own in limited(robot.mechanism):
         label, limits = own.coordinate, own.limits
+        unit = equations.tree.length if robot.unit(label) == "m" else 1.0
         place = equations.joints.position(label)
         ends = [(limits.lower, 1), (limits.upper, -1)]
         if label.endswith(".qw") and robot.unit(label) == "1":
             # The angle of a free turn is 2 acos |qw|.
             place, ends = place**2, [(cos((limits.upper or pi) / 2) ** 2, 1)]
         there = ca.Function("place", [equations.tree.q, equations.p], [place])(q, p)
-        found += [side * (there - end) for end, side in ends if end is not None]
+        found += [side * (there - end) / unit for end, side in ends if end is not None]
     return found

@@ -29,21 +29,24 @@ from numpy.typing import ArrayLike
 from linkwork import checks
 from linkwork.analysis import dexterity
 from linkwork.analysis._jacobians import jacobians
-from linkwork.analysis.linearisation import refuse_circulation, stiffness_matrix
+from linkwork.analysis.linearisation import (
+    refuse_circulation,
+    stiffness_matrix,
+    without_rounding,
+)
 from linkwork.checks import amount
 from linkwork.design.judged_poses import JudgedPoses, PoseEquations
 from linkwork.equations.linear import derivatives
 from linkwork.errors import LinkworkError
 from linkwork.export import CasadiFunctions
 from linkwork.export.implicit import require_leading
-from linkwork.model.linear import largest
+from linkwork.model.linear import largest, own_rates
 from linkwork.model.state import Motion
 from linkwork.paths import Path
 from linkwork.robot import Robot, State
 
 FEWEST, FINER = 3, 10  # samples of a path; parts of each step at which it is looked at again
 WITHIN = 0.01  # square of a frequency over the lowest one, by which the search begins within bounds
-LOOSE = 1e-3  # frequency [Hz] that rounding may make of none
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,18 +182,22 @@ class PeakForce(Measure):
         J = functions["jacobian"](q, p)[0]
         turned = functions["jacobian_rate"](q, v, p)[0]
         u = functions["inverse_dynamics"](q, v, dv, p)[0]
-        # The tool's rates and accelerations along the path, which no design changes.
-        count = len(motion.time)
+        # The tool's rates and accelerations along the path, which no design changes, and the forces
+        # of the robot as it is.
+        count, units = len(motion.time), own_rates(robot, robot.home)
         start = motion.state.q.T, motion.rates.T, motion.accelerations.T
-        read = ca.Function("rates", [q, v, dv, p], [J @ v, J @ dv + turned @ v])
-        known = [
+        read = ca.Function("rates", [q, v, dv, p], [J @ v, J @ dv + turned @ v, u])
+        *known, pushed = (
             np.array(part) for part in read.map(count)(*start, np.tile(robot.p[:, None], count))
-        ]
+        )
+        # In the mechanism's own units over the duration, and over the largest of these forces.
+        T, size = self.duration, largest(pushed) or 1.0
+        speeds = (J @ v - x_rate) * T, (J @ dv + turned @ v - x_bend) * T**2
         return of.judged(
             motion.state,
-            ca.vertcat(t - u, t + u),
-            ca.vertcat(J @ v - x_rate, J @ dv + turned @ v - x_bend),
-            unknown=[(v, start[1]), (dv, start[2])],
+            ca.vertcat(t - u, t + u) / size,
+            ca.vertcat(*[each / ca.DM(of.units) for each in speeds]),
+            unknown=[(v, start[1], units / T), (dv, start[2], units / T**2)],
             known=[(x_rate, known[0]), (x_bend, known[1])],
         )
 
@@ -229,7 +236,7 @@ class Frequency(Measure):
             )
             squares = eigh((K + K.T) / 2 + L.T @ (values[:, None] * L), M, eigvals_only=True)
             refuse_circulation(robot, state, M, K, largest(squares))
-            lowest.append(squares[0])
+            lowest.append(without_rounding(robot, squares)[0])
         square = float(min(lowest))
         return float(np.sign(square) * np.sqrt(abs(square)) / (2 * pi))
 
@@ -254,18 +261,19 @@ class Frequency(Measure):
         values, vectors = (part[..., ::-1] for part in np.linalg.eigh(now))
         V, F = ca.SX.sym("V", n, n), ca.SX.sym("F", ca.Sparsity.lower(n))
         begun = np.sqrt(np.maximum(values, WITHIN))[..., None] * np.eye(n)
+        sides, first = in_column(F), np.hstack([in_column(ca.DM(each)).full() for each in begun])
         return of.judged(
             states,
             ca.diag(F),
             in_column(V.T @ A @ V - F @ F.T),
-            unknown=[(in_column(F), np.hstack([in_column(ca.DM(each)).full() for each in begun]))],
+            unknown=[(sides, first, np.ones(len(first)))],
             known=[(ca.vec(V), vectors.swapaxes(1, 2).reshape(len(now), -1).T)],
         )
 
     def _held(self, robot: Robot) -> float:
         """Return the value of a robot that is held; refuse one that is loose or falls."""
         value = self.value(robot)
-        if not value > LOOSE:
+        if not value > 0:
             raise LinkworkError(
                 f"the lowest natural frequency is {value:.3g} Hz: nothing holds the robot at some "
                 "pose; give the stiffness of its drives"

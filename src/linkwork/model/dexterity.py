@@ -6,9 +6,10 @@ rates of the task coordinates X z:
 
     conditioning = 1 / cond K,    q' = K x',    K = Q X^+        turns counted times a length
 
-The length makes the columns of K for turns and for shifts equally long at the reference. Where the
-robot has no task, or a single freedom, it is the smallest singular value of Q in the mechanism's
-own units: the part of the worst motion of the tree's joints that the actuators see, another number
+The length makes the columns of K for turns and for shifts equally long at the reference, or the
+rows for actuators that turn and that slide where the tool does one of these alone. Where the robot
+has no task, or a single freedom, it is the smallest singular value of Q in the mechanism's own
+units: the part of the worst motion of the tree's joints that the actuators see, another number
 where another joint of a loop is cut.
 Source: Gosselin & Angeles, J. Mech. Design 113 (1991) 220-226; Angeles 2014, sec. 5.8
 (characteristic length).
@@ -148,32 +149,51 @@ def scales(robot: Model, task: Task, length: float) -> tuple[np.ndarray, np.ndar
 
     Where all actuators turn, or all slide, theirs are left as they are.
     """
-    turns = np.array([robot.unit(name) != "m" for name in actuated(robot)])
-    mixed = turns.any() and not turns.all()
+    turns = turned(robot)
     x = np.where([is_length(item) for item in task], 1.0, length)
-    return x, np.where(turns & mixed, length, 1.0)
+    return x, np.where(turns & mixed(turns), length, 1.0)
+
+
+def turned(robot: Model) -> np.ndarray:
+    """Return which of the actuators turn."""
+    return np.array([robot.unit(name) != "m" for name in actuated(robot)])
+
+
+def mixed(turns: np.ndarray) -> bool:
+    """Tell whether some of them turn and others slide."""
+    return bool(turns.any() and not turns.all())
 
 
 def characteristic_length(robot: Model, task: Task) -> float:
-    """Return the length [m] that makes the columns of K for turns and for shifts equally long, in
-    the mean, at the reference, or near it where that is leg-singular.
+    """Return the length [m] that makes the columns of K for turns and for shifts of the tool
+    equally long, in the mean, at the reference, or near it where that is leg-singular; where the
+    tool only turns or only shifts, the rows for actuators that turn and that slide.
 
-    1 m where the tool only turns or only shifts; the mechanism's largest length where turns hardly
-    move the actuators. It is that of the description's own numbers, whatever values its free ones
-    have: conditionings of different designs are told by one length.
+    1 m where all rows and all columns have one unit; the mechanism's largest length where there is
+    none, or turns hardly move the actuators. It is that of the description's own numbers, whatever
+    values its free ones have: conditionings of different designs are told by one length.
     """
     robot = robot.origin or robot
-    turning = np.array([not is_length(item) for item in task])
-    if turning.all() or not turning.any():
+    turning, turns = np.array([not is_length(item) for item in task]), turned(robot)
+    if not (mixed(turning) or mixed(turns)):
         return 1.0
     found = allowed(robot, np.array(around(robot)), task)
-    K = found.K[int(np.argmax(found.led))]
-    turns, shifts = (
-        float(np.sqrt(np.mean(np.sum(part**2, axis=0)))) for part in (K[:, turning], K[:, ~turning])
-    )
+    squares = found.K[int(np.argmax(found.led))] ** 2
     largest = extent(robot.mechanism, robot.chart, robot.home.q)
-    fits = HARDLY * largest < turns / max(shifts, 1e-300) < largest / HARDLY
-    return turns / shifts if fits else largest
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if mixed(turning):
+            # a + b / l^2 = c l^2 + d of parts of columns for turns, and for shifts.
+            a, b, c, d = (
+                np.sum(squares[np.ix_(rows, columns)]) / np.sum(columns)
+                for columns in (turning, ~turning)
+                for rows in (turns, ~turns)
+            )
+            root = np.hypot(d - a, 2 * np.sqrt(b * c))
+            square = 2 * b / (d - a + root) if d > a else (a - d + root) / (2 * c)
+        else:
+            square = np.mean(squares[~turns].sum(axis=1)) / np.mean(squares[turns].sum(axis=1))
+    length = float(np.sqrt(square))
+    return length if HARDLY * largest < length < largest / HARDLY else largest
 
 
 def conditioning(robot: Model, q: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:

@@ -4,7 +4,7 @@ them to states or motions."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ from linkwork.simulation import Sampled
 
 Numbers = tuple[Real, ...]
 FEWEST, MOST = 16, 2**16  # intervals between the times that tell how a path is run through
-CLOSE, ROUNDING = 1e-5, 1e-10  # how far a spline through them may be off: of a range; [m, rad]
+CLOSE, ROUNDING = 1e-5, 1e-10  # how far a spline through them may be off: of a range; own units
 
 
 class Goal(Record, ABC):
@@ -55,7 +55,7 @@ class AlongPath(Goal, ABC):
         def led(count: int) -> Any:
             return robot.follow(self.path, duration, samples=count, guess=start)
 
-        return told(led, robot.actuators, samples)
+        return told(led, robot, samples)
 
 
 class Line(AlongPath):
@@ -98,12 +98,12 @@ class Through(AlongPath):
         return paths.through(self.poses)
 
 
-def told(led: Callable[[int], Any], actuators: Sequence[str], samples: int) -> Any:
+def told(led: Callable[[int], Any], robot: Plant, samples: int) -> Any:
     """Return a motion of so many samples, or of so many intervals for each of theirs, that the
     spline through them, which controllers follow, is the way between them, too.
 
     Args:
-        led: gives the motion of a number of samples; actuators: names of the driven joints.
+        led: gives the motion of a number of samples; robot: that is led.
         samples: how many there are at least.
 
     Raises:
@@ -115,7 +115,7 @@ def told(led: Callable[[int], Any], actuators: Sequence[str], samples: int) -> A
     motion = led(intervals + 1)
     while intervals < MOST:
         finer = led(2 * intervals + 1)
-        if near_spline(motion, finer, actuators):
+        if near_spline(motion, finer, robot):
             return motion
         motion, intervals = finer, 2 * intervals
     if intervals > samples - 1:
@@ -126,19 +126,20 @@ def told(led: Callable[[int], Any], actuators: Sequence[str], samples: int) -> A
     return motion
 
 
-def near_spline(motion: Any, finer: Any, actuators: Sequence[str]) -> bool:
+def near_spline(motion: Any, finer: Any, robot: Plant) -> bool:
     """Tell whether the spline through a motion's samples has the driven joints, or the tool where
     none has a coordinate, where a finer motion has them."""
+    driven = [name for name in robot.actuators if name in motion.state.coordinates]
     led, found = (
-        np.stack(
-            [each.state[name] for name in actuators if name in each.state.coordinates]
-            or [*each.tool.T],
-            axis=-1,
-        )
+        np.stack([each.state[name] for name in driven] or [*each.tool.T], axis=-1)
         for each in (motion, finer)
     )
+    lengths = [robot.unit(name) == "m" for name in driven] or [
+        name in "xyz" for name in motion.what
+    ]
+    rounding = ROUNDING * np.where(lengths, robot.equations.tree.length, 1.0)
     off = np.abs(Sampled(motion.time, led)(finer.time) - found)
-    return bool((off <= CLOSE * np.ptp(found, axis=0) + ROUNDING).all())
+    return bool((off <= CLOSE * np.ptp(found, axis=0) + rounding).all())
 
 
 AnyGoal = Annotated[Pose | Line | Circle | Through, Field(discriminator="type")]

@@ -40,7 +40,9 @@ from linkwork.mechanism import (
 )
 
 CONNECTS = 100  # of two bodies
-APART = 1e-6  # points closer than this are one; distances that differ by less are equal [m]
+APART, PART = 1e-6, 1e-4
+"""What points are apart that are one, and distances that are equal [m]; as part of the mechanism's
+size, where that is less."""
 PLANAR = "closes a loop that moves in a plane and is taken as a revolute joint across it"
 LOST = "; nothing is lost"  # by PLANAR, where the points meet
 OFF = ", on one axis with both points, which stay apart along it"
@@ -92,6 +94,7 @@ class LoopReader:
         self.turns = {body: X[:3, :3] for body, X in self.standing.items()}
         self.at_zero, self.at_rest = tree.poses(), tree.poses(tree.positions(springs=True))
         self.pieces = {piece.name: piece for _, piece in tree.pieces() if piece.name}
+        self.apart = APART
 
     def ties(self) -> Ties:
         """Return the active equality constraints by what they hold together."""
@@ -169,6 +172,7 @@ class LoopReader:
     def closing(self, ties: Ties, names: FreeNames) -> dict[str, PairJoint]:
         """Return the joints that connects and welds are."""
         made: dict[str, PairJoint] = {}
+        self.apart = min(APART, PART * self._size(ties)) or APART
         pairs: dict[frozenset[str], list[Equality]] = {}
         for tie in ties.points:
             pairs.setdefault(frozenset(tie.bodies), []).append(tie)
@@ -179,6 +183,16 @@ class LoopReader:
             frames = poses.frame_of(tie.frames[0]), poses.frame_of(tie.frames[1])
             made[names.give(tie_name(tie))] = FixedJoint(connects=tie.bodies, frames=frames)
         return made
+
+    def _size(self, ties: Ties) -> float:
+        """Return the largest extent of all bodies' origins and of the points that are held."""
+        places = [X[:3, 3] for X in self.standing.values()]
+        places += [
+            (self.standing[body] @ [*point, 1.0])[:3]
+            for tie in ties.points
+            for body, point in zip(tie.bodies, tie.points, strict=True)
+        ]
+        return float(np.ptp(places, axis=0).max())
 
     def _connected(self, ties: list[Equality]) -> list[tuple[str, PairJoint]]:
         """Return the one joint that several connects of the same two bodies are, or one spherical
@@ -194,10 +208,10 @@ class LoopReader:
         lengths = {pair: np.linalg.norm(gap, axis=1) for pair, gap in apart.items()}
         longest = max(lengths, key=lambda pair: lengths[pair][0], default=None)
         # Points that coincide are one ball.
-        if longest is None or lengths[longest][0] < APART:
+        if longest is None or lengths[longest][0] < self.apart:
             return [(name, self._ball(ties[0]))]
         # Differently far apart they fit no rigid joint: each stays a ball of its own.
-        if any(abs(near - far) > APART for near, far in lengths.values()):
+        if any(abs(near - far) > self.apart for near, far in lengths.values()):
             self.notes.on(
                 ties[0].element,
                 "and others hold points together that lie differently far apart in the two bodies",
@@ -209,7 +223,7 @@ class LoopReader:
         away = points[:, 0] - centre[0]
         away = away - np.outer(away @ axes[0], axes[0])
         corner = int(np.argmax(np.linalg.norm(away, axis=1)))
-        if np.linalg.norm(away[corner]) < APART:
+        if np.linalg.norm(away[corner]) < self.apart:
             return [(name, self._hinge(connects, centre, axes))]
         # A third point off their line fixes all: both frames have the line and that point in
         # common.
@@ -245,7 +259,7 @@ class LoopReader:
             places = zip(tie.bodies, tie.points, strict=True)
             near, far = (normal @ (self.standing[body] @ [*p, 1.0])[:3] for body, p in places)
             centre = np.array([tie.points[0], tie.points[1] + (near - far) * axes[1]])
-            off = float(abs(near - far)) > APART
+            off = float(abs(near - far)) > self.apart
             remark = f"{PLANAR}{OFF if off else LOST}" + (TURNED if off and carried else "")
             self.notes.on(tie.element, remark, alters=off and carried)
             return self._hinge(tie.bodies, centre, axes)
