@@ -150,7 +150,7 @@ def test_interleaved_takes_names_of_any_kind():
 @pytest.mark.long
 def test_derivatives_agree_with_pinocchio_and_are_timed():
     gradients = pytest.importorskip("benchmarks.gradients", reason=engines_needed)
-    section = gradients.run(rounds=1, robots={"prr3": 6.0})
+    section = gradients.run(rounds=5, robots={"prr3": 6.0})
     found = values(section.figures)
     assert found["3-PRR: largest relative difference of Pinocchio's"] < 1e-9
     assert len(found) == 16 and all(value > 0 for value in found.values())

@@ -50,7 +50,7 @@ class Lead:
             def led(count: int) -> Motion:
                 return along(robot, table, "--goal", duration, count, start)
 
-            return told(led, robot.actuators, samples)
+            return told(led, robot, samples)
         if self.goal is None:
             return Pose().reached(robot, start, duration, samples)
         goal = record_of(self.goal, "--goal", GOALS, MeasuredWords(robot))
