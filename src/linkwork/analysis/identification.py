@@ -34,7 +34,7 @@ from linkwork.model.linear import one_state, own_rates
 from linkwork.notebooks import Portrayed
 from linkwork.patience import announced
 from linkwork.robot import Robot, State, UnreachableError
-from linkwork.runs.resuming import held_otherwise, recorded, refuse_other_numbers
+from linkwork.runs.resuming import as_in, described
 from linkwork.simulation import Run
 
 REWEIGHTED = 3
@@ -190,17 +190,12 @@ def as_measured(robot: Robot, measured: Measured | Run, told: Sequence[str] = ()
         kind, *names = located(robot.mechanism, path)[0]
         return kind != "bodies" and ".".join(names) not in told
 
-    values = recorded(measured)
-    others = held_otherwise(robot, {x: values[x] for x in values if x not in robot.parameters})
-    refuse_other_numbers(robot, {x: values[x] for x in others if known(x)}, "identify by")
-    own = {x: values[x] for x in values if x in robot.parameters and known(x)}
-    alike = all(robot.parameters[name] == value for name, value in own.items())
-    return robot if alike else robot.with_parameters(own)
+    values = described(robot, measured)
+    return as_in(robot, {x: values[x] for x in values if known(x)}, "identify by")
 
 
 def motion_of(robot: Robot, measured: Measured | Run) -> Measured:
     """Return a measured motion with its forces, as numbers that fit the robot."""
-    needed(robot, Robot)
     if isinstance(measured, Run):
         return of_run(robot, measured)
     if not isinstance(measured, Measured):

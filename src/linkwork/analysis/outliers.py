@@ -63,11 +63,11 @@ def warned_of_sample(remains: np.ndarray, left: np.ndarray, stacklevel: int) -> 
     return worst is not None
 
 
-def warned_by_rates(remains: np.ndarray, left: np.ndarray, stacklevel: int) -> bool:
+def warned_by_rates(remains: np.ndarray, left: np.ndarray, stacklevel: int) -> None:
     """Do as `warned_of_sample` with rows that go through all samples of one rate, then of the next;
     remains: r (m, N)."""
     left = np.swapaxes(left.reshape(*remains.shape, -1), 0, 1).reshape(left.shape)
-    return warned_of_sample(remains.T, left, stacklevel + 1)
+    warned_of_sample(remains.T, left, stacklevel + 1)
 
 
 def beyond_noise(chi_square: float, freedoms: int) -> bool:

@@ -50,7 +50,7 @@ from linkwork.model.spread import extent
 from linkwork.model.task import Task, task_if_any
 from linkwork.patience import announced
 from linkwork.robot import Motion, Robot, State
-from linkwork.runs.resuming import as_in
+from linkwork.runs.resuming import as_in, described
 from linkwork.simulation import Run
 
 if TYPE_CHECKING:
@@ -276,7 +276,7 @@ def along(
     """
     import xarray
 
-    robot = as_in(robot, motion) if isinstance(motion, Run) else robot
+    robot = as_in(robot, described(robot, motion)) if isinstance(motion, Run) else robot
     made, (axis, values, q) = jacobians(robot, what), samples(robot, motion)
     found = distances(made, q, length)
     turns = length is None and not any(map(is_length, made.task))

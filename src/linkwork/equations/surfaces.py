@@ -140,7 +140,8 @@ def cell_at(field: HeightField, c: ca.SX) -> Cell:
     cells, counts = c / SX(np.array(field.spacing)), SX(np.shape(field.heights))
     inside = ca.fmin(ca.fmax(cells, 0), counts - 1)
     cell = ca.fmin(ca.floor(inside), counts - 2)
-    table = ca.vertcat(*(ca.horzcat(*row) for row in field.heights))
+    z = vector([number for row in field.heights for number in row])
+    table = ca.reshape(z if isinstance(z, SX) else ca.DM(z), *np.shape(field.heights)[::-1]).T
     across, along = (ca.DM(through(count)) for count in table.shape)
     rows = four(ca.mtimes([across, table, along.T]), cell[0])
     return Cell(inside - cell, cells - inside, four(rows.T, cell[1]).T)

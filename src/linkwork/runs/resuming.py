@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -86,7 +87,7 @@ def left_by(robot: Model, run: Run) -> tuple[State, Left, dict[str, float]]:
         np.atleast_1d(np.asarray(run.attrs[name], float)) if name in run.attrs else None
         for name in ("final_held", "final_turns")
     )
-    own = own_numbers(robot, run, "resume it by")
+    own = own_numbers(robot, described(robot, run), "resume it by")
     names = tuple(map(str, run.coords["extra"].values)) if "extra" in run.coords else ()
     return state, Left(start, v[n:], pace, held, turns, last, lowered, names), own
 
@@ -112,20 +113,28 @@ def chart_told(robot: Model, text: str, independent: tuple[str, ...]) -> Chart:
     return last
 
 
-def own_numbers(robot: Model, run: Run, what: str) -> dict[str, float]:
-    """Return the values that the robot's free numbers had in a run; refuse a run that had other
-    values of numbers which are not free; what: is to be done by the right robot."""
-    own, others = {}, recorded(run)
+def own_numbers(robot: Model, values: Mapping[str, float], what: str) -> dict[str, float]:
+    """Return the values that the robot's free numbers had in a run; refuse other values of numbers
+    which are not free.
+
+    values: that the run tells of, of numbers of the description; what: to do by the right robot
+    """
+    own, others = {}, dict(values)
     for name in list(others):
         if name in robot.parameters:
             own[name] = others.pop(name)
-    refuse_other_numbers(robot, others, what)
+    for path, (value, held) in held_otherwise(robot, others).items():
+        raise LinkworkError(
+            f"the run had {path} = {value:g}, which is {held:g} here and not free; {what} "
+            f"the robot that it is of, or free the number: robot.free({path!r})"
+        )
     return own
 
 
-def as_in(robot: Known, run: Run) -> Known:
-    """Return the robot as it was in a run: with the values that its free numbers had there."""
-    own = own_numbers(robot, run, "take")
+def as_in(robot: Known, values: Mapping[str, float], what: str = "take") -> Known:
+    """Return the robot as it was in a run: with the values that its free numbers had there; as
+    `own_numbers`."""
+    own = own_numbers(robot, values, what)
     alike = all(robot.parameters[name] == value for name, value in own.items())
     return robot if alike else with_parameters(robot, own)
 
@@ -140,25 +149,19 @@ def recorded(run: Run) -> dict[str, float]:
     return {name: float(value) for name, value in entries}
 
 
-def refuse_other_numbers(robot: Model, values: Mapping[str, float], what: str) -> None:
-    """Refuse values that a run had of numbers which this robot holds with other ones, not free;
-    what: to do by the right one."""
-    for path, (value, held) in held_otherwise(robot, values).items():
-        raise LinkworkError(
-            f"the run had {path} = {value:g}, which is {held:g} here and not free; {what} "
-            f"the robot that it is of, or free the number: robot.free({path!r})"
-        )
+def described(robot: Model, run: Run) -> dict[str, float]:
+    """Return the values that a run tells of, of numbers of the description; those of controllers
+    and drives are none."""
+    found = {}
+    for path, value in recorded(run).items():
+        with suppress(MechanismError):
+            located(robot.mechanism, path)
+            found[path] = value
+    return found
 
 
 def held_otherwise(robot: Model, values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-    """Return which of the values that a run tells of the robot holds with others, which it holds,
-    by path; those of controllers and drives are none."""
-    found = {}
-    for path, value in values.items():
-        try:
-            _, held = located(robot.mechanism, path)
-        except MechanismError:  # of a controller or a drive
-            continue
-        if held != value:
-            found[path] = value, held
-    return found
+    """Return which of the values of numbers the description holds with others, which it holds, by
+    path."""
+    held = {path: located(robot.mechanism, path)[1] for path in values}
+    return {path: (value, held[path]) for path, value in values.items() if held[path] != value}

@@ -22,7 +22,7 @@ from linkwork.scene.curves import hull
 from linkwork.scene.ground import ground
 from linkwork.scene.meshes import BALL, PlacedMesh, drawable
 from linkwork.scene.parts import Bar, Coil, Hull, Moves, ScenePart, corners, moved
-from linkwork.scene.skeleton import Skeleton, skeleton
+from linkwork.scene.skeleton import Skeleton, poses_of, skeleton
 from linkwork.scene.symbols import symbol
 
 # Lengths are relative to the mechanism
@@ -113,13 +113,11 @@ def scene_of(robot: Robot, state: State, shown: State | None = None) -> Scene:
     """
     pose = skeleton(robot, state)
     here = pose.poses
-    there = here if shown is None else robot.body_poses(shown)
+    there = here if shown is None else poses_of(robot, shown)
     moves = {}
     for name, (place, turn) in there.items():
         way = turn.reshape(-1, 3, 3) @ here[name][1].T
         moves[name] = (place.reshape(-1, 3) - way @ here[name][0], way)
-    count = len(next(iter(moves.values()))[1])
-    moves[GROUND] = (np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
     return Scene(robot, pose, moves, shown is not None)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from linkwork.errors import LinkworkError
 from linkwork.robot import Robot
-from linkwork.runs.resuming import as_in, held_otherwise, recorded
+from linkwork.runs.resuming import as_in, described, held_otherwise
 from linkwork.simulation import Run
 
 ALIKE = 1e-9  # part of the robot's length that places may be apart
@@ -20,10 +20,10 @@ def shown_robot(robot: Robot, motion: Any) -> Robot:
     description had there, which are freed where they are not."""
     if not isinstance(motion, Run):
         return robot
-    values = recorded(motion).items()
-    others = {path: value for path, value in values if path not in robot.parameters}
+    values = described(robot, motion)
+    others = {path: value for path, value in values.items() if path not in robot.parameters}
     freed = held_otherwise(robot, others)
-    return as_in(robot.free(*freed) if freed else robot, motion)
+    return as_in(robot.free(*freed) if freed else robot, values)
 
 
 def require_lengths(robot: Robot, run: Any) -> None:
